@@ -1,0 +1,1 @@
+"""The command `batten`: a thin shell around the library."""

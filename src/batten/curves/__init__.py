@@ -1,0 +1,1 @@
+"""Immutable plane curves under one protocol."""

@@ -1,0 +1,1 @@
+"""The limits of rod, block and blade, one file each."""

@@ -1,0 +1,1 @@
+"""Robot arms that hold the two ends of the rod."""

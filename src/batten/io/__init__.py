@@ -1,0 +1,1 @@
+"""File formats, one file each. Units are converted here and nowhere else."""

@@ -1,0 +1,1 @@
+"""Compiled functions of floats and arrays: no objects, no errors, a value and a status."""

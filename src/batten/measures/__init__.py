@@ -1,0 +1,1 @@
+"""How good a curve is: residuals, energies, distances."""

@@ -1,0 +1,1 @@
+"""Algorithms that find a curve: initial guess, fit."""

@@ -1,0 +1,1 @@
+"""Surfaces, and the leaves that planes cut from them."""
