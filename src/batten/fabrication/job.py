@@ -1,0 +1,210 @@
+"""A job of `batten cut` as validated values: what to cut, from which blocks, with which rod, blade and robots.
+
+Plain data, units in the names (mm, N, N·mm, MPa, s, degrees where a person types them). `batten.io.job.load_job` reads
+one from TOML and holds every value inside the bounds documented there; the defaults are stated here and nowhere else.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+
+@dataclass(frozen=True)
+class SurfaceJob:
+    """Where the wanted surface comes from: a surface in `file`, or design curves in `curves` that are lofted.
+
+    Attributes:
+        file: .3dm file with the surface, absolute; None if `curves` is given. Exactly one of the two is set.
+        curves: .3dm file with planar design curves, absolute; None if `file` is given.
+        layer: full path of the layer to read from ("Default::design"); None takes every layer.
+        scale_mm_per_unit: mm for one unit of the file; None takes the file's own unit, which must then be set.
+    """
+
+    file: Path | None = None
+    curves: Path | None = None
+    layer: str | None = None
+    scale_mm_per_unit: float | None = None
+
+    @property
+    def source(self) -> Path:
+        """The file that is read, whichever of the two it is."""
+        path = self.file if self.file is not None else self.curves
+        if path is None:
+            raise ValueError("a SurfaceJob needs `file` or `curves`; got neither")
+        return path
+
+
+@dataclass(frozen=True)
+class BlocksJob:
+    """The foam blocks.
+
+    Attributes:
+        size_mm: plan size of a block, (along wall x, along wall y), mm.
+        direction: which way the blade lies, by the surface's parameters: "u", "v", or "auto" for the better one.
+        clearance_mm: foam that stays at least between the cut and the block's top and bottom faces, mm.
+        height_mm: height of every block, mm; None lets it follow from the relief and the clearance.
+    """
+
+    size_mm: tuple[float, float] = (600.0, 600.0)
+    direction: Literal["u", "v", "auto"] = "auto"
+    clearance_mm: float = 30.0
+    height_mm: float | None = None
+
+
+@dataclass(frozen=True)
+class LeavesJob:
+    """The blade's positions and how close they must come.
+
+    Attributes:
+        spacing_mm: distance between successive leaves, across the blade, mm.
+        tolerance_mm: greatest distance of a rod from the given surface within the block, mm.
+        turn_deg: rotation of the leaves' planes about z in plan, degrees, counter-clockwise; "auto" searches the least
+            one that leaves no straight leaf (Fisker2018 §5.4.3, Solution 1).
+        max_jump_mm: greatest jump of position between the rods of one leaf at a block border, mm.
+        max_jump_deg: greatest jump of tangent there, degrees.
+    """
+
+    spacing_mm: float = 20.0
+    tolerance_mm: float = 0.5
+    turn_deg: float | Literal["auto"] = 0.0
+    max_jump_mm: float = 0.01
+    max_jump_deg: float = 0.01
+
+
+@dataclass(frozen=True)
+class RodJob:
+    """The rod that is bent: a round spring-steel rod, the hot blade itself.
+
+    Attributes:
+        length_mm: length between the two grippers, mm.
+        diameter_mm: mm.
+        youngs_modulus_mpa: MPa = N/mm².
+        max_strain: greatest strain κ·d/2 anywhere on the rod, pure number.
+        min_bow_mm: least height of the rod's arc over its chord, mm: a straighter rod may buckle to either side.
+    """
+
+    length_mm: float = 1000.0
+    diameter_mm: float = 3.0
+    youngs_modulus_mpa: float = 200000.0
+    max_strain: float = 0.008
+    min_bow_mm: float = 1.0
+
+
+@dataclass(frozen=True)
+class BladeJob:
+    """How the hot blade melts its way.
+
+    Attributes:
+        kerf_mm: width of foam that melts away, mm; half of it lies on either side of the blade.
+        speed_mm_s: speed of the blade's fastest point, mm/s.
+        max_speed_ratio: greatest ratio of the fastest to the slowest point of the blade between successive leaves.
+        approach_mm: distance of the approach and leave positions from the block's face, mm.
+    """
+
+    kerf_mm: float = 1.0
+    speed_mm_s: float = 20.0
+    max_speed_ratio: float = 3.0
+    approach_mm: float = 100.0
+
+
+@dataclass(frozen=True)
+class GripperJob:
+    """The two grippers, and what they bear.
+
+    Attributes:
+        radius_mm: radius of the ball around the rod's end that holds the whole gripper, mm.
+        clearance_mm: least free distance between that ball and the block, mm.
+        max_force_n: greatest force at a gripper, N; None sets no limit.
+        max_moment_nmm: greatest bending moment at a gripper, N·mm; None sets no limit.
+    """
+
+    radius_mm: float = 40.0
+    clearance_mm: float = 20.0
+    max_force_n: float | None = None
+    max_moment_nmm: float | None = None
+
+
+@dataclass(frozen=True)
+class KinematicsJob:
+    """The seven lengths of a six-axis arm with parallel base and spherical wrist (the OPW convention).
+
+    Attributes:
+        a1, a2, b, c1, c2, c3, c4: mm.
+        offsets_deg: the joints' zero offsets, degrees, (6,).
+        signs: +1 or −1 for each joint's sense, (6,).
+    """
+
+    a1: float
+    a2: float
+    b: float
+    c1: float
+    c2: float
+    c3: float
+    c4: float
+    offsets_deg: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    signs: tuple[int, ...] = (1, 1, 1, 1, 1, 1)
+
+
+@dataclass(frozen=True)
+class ArmJob:
+    """One robot's own values; None everywhere means the preset's.
+
+    Attributes:
+        base_mm: origin of the robot's base in the cell, mm, (3,).
+        base_deg: rotation of the base about the cell's x, then y, then z axis (all fixed), degrees, (3,).
+        tool_mm: tool centre point (the rod's end in the gripper) in the flange frame, mm, (3,).
+        tool_deg: rotation of the tool in the flange frame, same convention, degrees, (3,).
+        joint_min_deg: least angle of each joint, degrees, (6,).
+        joint_max_deg: greatest angle of each joint, degrees, (6,).
+        kinematics: the arm's lengths.
+    """
+
+    base_mm: tuple[float, float, float] | None = None
+    base_deg: tuple[float, float, float] | None = None
+    tool_mm: tuple[float, float, float] | None = None
+    tool_deg: tuple[float, float, float] | None = None
+    joint_min_deg: tuple[float, ...] | None = None
+    joint_max_deg: tuple[float, ...] | None = None
+    kinematics: KinematicsJob | None = None
+
+
+@dataclass(frozen=True)
+class CellJob:
+    """The robot cell: a preset, and own values over it.
+
+    Attributes:
+        preset: name of a cell that batten knows.
+        block_mm: origin of the block's work frame (centre of its bottom face) in the cell, mm, (3,); None: the preset's.
+        block_deg: rotation of the work frame about the cell's z axis, degrees; None: the preset's.
+        min_joint_margin_deg: least distance of every joint from its limits, degrees.
+        min_reach_margin_mm: least distance of the wrist from the end of its reach, mm.
+        min_singularity: least measure of distance from a singularity, pure number from 0 (singular) to 1.
+        left: own values of the left arm (the one at the rod's start).
+        right: own values of the right arm.
+    """
+
+    preset: str = "two-irb6620"
+    block_mm: tuple[float, float, float] | None = None
+    block_deg: float | None = None
+    min_joint_margin_deg: float = 5.0
+    min_reach_margin_mm: float = 20.0
+    min_singularity: float = 0.05
+    left: ArmJob = field(default_factory=ArmJob)
+    right: ArmJob = field(default_factory=ArmJob)
+
+
+@dataclass(frozen=True)
+class CutJob:
+    """A whole job; `name` heads the report and names the RAPID modules, `path` is the job file it came from."""
+
+    surface: SurfaceJob
+    name: str = "cut"
+    path: Path | None = None
+    blocks: BlocksJob = field(default_factory=BlocksJob)
+    leaves: LeavesJob = field(default_factory=LeavesJob)
+    rod: RodJob = field(default_factory=RodJob)
+    blade: BladeJob = field(default_factory=BladeJob)
+    gripper: GripperJob = field(default_factory=GripperJob)
+    cell: CellJob = field(default_factory=CellJob)
