@@ -176,7 +176,7 @@ class CellJob:
 
     Attributes:
         preset: name of a cell that batten knows.
-        block_mm: origin of the block's work frame (centre of its bottom face) in the cell, mm, (3,); None: the preset's.
+        block_mm: origin of the block's work frame (centre of its bottom face) in the cell, mm; None: the preset's.
         block_deg: rotation of the work frame about the cell's z axis, degrees; None: the preset's.
         min_joint_margin_deg: least distance of every joint from its limits, degrees.
         min_reach_margin_mm: least distance of the wrist from the end of its reach, mm.
