@@ -131,18 +131,18 @@ class KinematicsJob:
     """The seven lengths of a six-axis arm with parallel base and spherical wrist (the OPW convention).
 
     Attributes:
-        a1, a2, b, c1, c2, c3, c4: mm.
+        a1_mm, a2_mm, b_mm, c1_mm, c2_mm, c3_mm, c4_mm: the seven lengths, mm.
         offsets_deg: the joints' zero offsets, degrees, (6,).
         signs: +1 or −1 for each joint's sense, (6,).
     """
 
-    a1: float
-    a2: float
-    b: float
-    c1: float
-    c2: float
-    c3: float
-    c4: float
+    a1_mm: float
+    a2_mm: float
+    b_mm: float
+    c1_mm: float
+    c2_mm: float
+    c3_mm: float
+    c4_mm: float
     offsets_deg: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     signs: tuple[int, ...] = (1, 1, 1, 1, 1, 1)
 

@@ -1,0 +1,196 @@
+"""Job files: what the issue's own example gives, and one line with a way out for everything that is wrong."""
+
+import dataclasses
+import shutil
+from pathlib import Path
+from typing import Annotated
+
+import pytest
+from pydantic import ConfigDict, TypeAdapter
+
+from batten.errors import BattenError, FormatError, InvalidInputError
+from batten.fabrication import job as plain
+from batten.io import job_fields
+from batten.io.job import load_job
+from batten.io.job_reference import job_reference
+
+STRICT = ConfigDict(strict=True, allow_inf_nan=False)
+ROOT = Path(__file__).parents[2]
+JOB = """\
+[surface]
+file = "freeform-surface.3dm"      # or: curves = "design.3dm" (planar design splines on a layer), lofted
+scale_mm_per_unit = 300.0
+[blocks]
+size_mm = [600.0, 600.0]           # plan size; height follows from the relief and the clearances
+direction = "u"                    # which way the blade lies; "auto" picks the better one and says why
+[leaves]
+spacing_mm = 20.0
+tolerance_mm = 0.5
+[rod]
+length_mm = 1000.0
+diameter_mm = 3.0
+youngs_modulus_mpa = 200000.0
+max_strain = 0.008
+[blade]
+kerf_mm = 1.0
+speed_mm_s = 20.0
+[cell]
+preset = "two-irb6620"             # base frames, tools, limits of both robots; own values possible
+"""
+
+
+@pytest.fixture
+def write(tmp_path):
+    shutil.copy(ROOT / "examples/freeform-wall/freeform-surface.3dm", tmp_path)
+
+    def write_job(old: str = "", new: str = "") -> Path:
+        assert old in JOB
+        path = tmp_path / "wall.toml"
+        path.write_text(JOB.replace(old, new, 1) if old else JOB, encoding="utf-8")
+        return path
+
+    return write_job
+
+
+def test_the_documented_job_loads(write):
+    job = load_job(write())
+    assert job.surface.source.is_absolute()
+    assert job.surface.source.is_file()
+    assert dataclasses.replace(job, path=None, surface=dataclasses.replace(job.surface, file=None)) == plain.CutJob(
+        name="wall",
+        surface=plain.SurfaceJob(scale_mm_per_unit=300.0),
+        blocks=plain.BlocksJob(size_mm=(600.0, 600.0), direction="u"),
+        leaves=plain.LeavesJob(spacing_mm=20.0, tolerance_mm=0.5),
+        rod=plain.RodJob(length_mm=1000.0, diameter_mm=3.0, youngs_modulus_mpa=200000.0, max_strain=0.008),
+        blade=plain.BladeJob(kerf_mm=1.0, speed_mm_s=20.0),
+        cell=plain.CellJob(preset="two-irb6620"),
+    )
+
+
+def test_own_values_of_an_arm_reach_the_cell(write):
+    own = """[cell]
+left.base_mm = [-1800, 0, 0]
+left.kinematics = { a1_mm = 320, a2_mm = -200, b_mm = 0, c1_mm = 680, c2_mm = 975, c3_mm = 887, c4_mm = 200 }
+right.joint_min_deg = [-170, -65, -180, -300, -130, -300]
+"""
+    cell = load_job(write("[cell]\n", own)).cell
+    assert cell.left.base_mm == (-1800.0, 0.0, 0.0)
+    assert cell.left.kinematics is not None
+    assert cell.left.kinematics.c2_mm == 975.0
+    assert cell.right.joint_min_deg == (-170.0, -65.0, -180.0, -300.0, -130.0, -300.0)
+    assert cell.right.base_mm is None
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "kind", "says"),
+    [
+        ("600.0, 600.0", "-600.0, 600.0", InvalidInputError, ":5: blocks.size_mm = [-600.0, 600.0]: must be"),
+        ("600.0, 600.0", "600.0", InvalidInputError, "must be 2 values"),
+        ("= 0.5", "= 0", InvalidInputError, ":9: leaves.tolerance_mm = 0: must be a number > 0"),
+        ("= 0.5", "= nan", InvalidInputError, "leaves.tolerance_mm = nan"),
+        ("= 0.5", "= inf", InvalidInputError, "leaves.tolerance_mm = inf"),
+        ("= 0.5", '= "0.5"', InvalidInputError, "try 0.5"),
+        ("= 20.0", "= true", InvalidInputError, "leaves.spacing_mm = true"),
+        ("spacing_mm = 20.0", "spacing_mm = 2000.0", InvalidInputError, "must be at most the block's 600 mm"),
+        (
+            "length_mm = 1000.0",
+            "length_mm = 500.0",
+            InvalidInputError,
+            ":11: rod.length_mm = 500: a rod must be longer",
+        ),
+        (
+            "tolerance_mm",
+            "tolerence_mm",
+            FormatError,
+            ":9: leaves.tolerence_mm: unknown field; did you mean tolerance_mm?",
+        ),
+        (
+            "max_strain = 0.008\n",
+            "",
+            FormatError,
+            "rod.max_strain is missing; must be a number > 0 and ≤ 0.1; try 0.008",
+        ),
+        ('"freeform-surface.3dm"', '"absent.3dm"', InvalidInputError, "no such file"),
+        ('file = "freeform-surface.3dm"', "", InvalidInputError, "exactly one of `file` and `curves`, got neither"),
+        ("scale_mm", 'curves = "a.3dm"\nscale_mm', InvalidInputError, "exactly one of `file` and `curves`, got both"),
+        ('"u"', '"w"', InvalidInputError, ':6: blocks.direction = "w": must be "u" or "v" or "auto"'),
+        (
+            "tolerance_mm = 0.5",
+            'tolerance_mm = 0.5\nturn_deg = "left"',
+            InvalidInputError,
+            ':10: leaves.turn_deg = "left"',
+        ),
+        ("[blade]", "[blaed]", FormatError, ":15: blaed: unknown field; did you mean blade? (and 1 more field)"),
+        ("[blade]", "[blade", FormatError, "not a TOML file: Expected ']'"),
+        ("[cell]", "[[cell]]", InvalidInputError, "must be one section [cell]"),
+        (
+            "[cell]\n",
+            "[cell]\nleft.base_mm = [1, 2]\n",
+            InvalidInputError,
+            "cell.left.base_mm = [1, 2]: must be 3 values",
+        ),
+        (
+            "[cell]\n",
+            "[cell]\nleft.joint_min_deg = [9, 1, 1, 1, 1, 1]\nleft.joint_max_deg = [8, 2, 2, 2, 2, 2]\n",
+            InvalidInputError,
+            "joint 1 has limits 9 … 8",
+        ),
+    ],
+)
+def test_what_is_wrong_is_said_in_one_line(write, old, new, kind, says):
+    path = write(old, new)
+    with pytest.raises(BattenError) as caught:
+        load_job(path)
+    message = str(caught.value)
+    assert type(caught.value) is kind
+    assert says in message
+    assert message.startswith(str(path))
+    assert "\n" not in message
+
+
+def test_a_job_file_that_is_not_there_or_no_text(tmp_path):
+    with pytest.raises(InvalidInputError, match="no such file"):
+        load_job(tmp_path / "absent.toml")
+    with pytest.raises(InvalidInputError, match="cannot be read"):
+        load_job(tmp_path)
+    (tmp_path / "picture.toml").write_bytes(b"\x89PNG\xff\xfe")
+    with pytest.raises(FormatError, match="not a text file in UTF-8"):
+        load_job(tmp_path / "picture.toml")
+
+
+@pytest.mark.parametrize(
+    ("section", "values"),
+    [
+        (job_fields.SurfaceSection, plain.SurfaceJob),
+        (job_fields.BlocksSection, plain.BlocksJob),
+        (job_fields.LeavesSection, plain.LeavesJob),
+        (job_fields.RodSection, plain.RodJob),
+        (job_fields.BladeSection, plain.BladeJob),
+        (job_fields.GripperSection, plain.GripperJob),
+        (job_fields.ArmSection, plain.ArmJob),
+        (job_fields.KinematicsSection, plain.KinematicsJob),
+        (job_fields.CellSection, plain.CellJob),
+    ],
+)
+def test_the_file_and_the_values_have_the_same_fields(section, values):
+    plain_fields = {f.name: f for f in dataclasses.fields(values)}
+    assert set(section.model_fields) == set(plain_fields)
+    for name, field in section.model_fields.items():
+        assert field.description, f"{section.__name__}.{name} is not described"
+        if not field.is_required() and field.default_factory is None:
+            assert field.default == plain_fields[name].default
+
+
+def test_every_example_in_the_reference_is_allowed():
+    for model in vars(job_fields).values():
+        if not (isinstance(model, type) and issubclass(model, job_fields.Section)) or model is job_fields.Section:
+            continue
+        for field in model.model_fields.values():
+            for example in field.examples or ():
+                kind = Annotated[(field.annotation, *field.metadata)]
+                TypeAdapter(kind, config=STRICT).validate_python(example)
+
+
+def test_the_reference_is_in_sync():
+    page = (ROOT / "docs/job-file.md").read_text(encoding="utf-8")
+    assert page == job_reference(), "renew it: python -m batten.io.job_reference > docs/job-file.md"
