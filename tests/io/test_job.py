@@ -187,7 +187,7 @@ def test_every_example_in_the_reference_is_allowed():
             continue
         for field in model.model_fields.values():
             for example in field.examples or ():
-                kind = Annotated[(field.annotation, *field.metadata)]
+                kind = Annotated[field.annotation, *(field.metadata or [None])]
                 TypeAdapter(kind, config=STRICT).validate_python(example)
 
 
