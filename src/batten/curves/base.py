@@ -14,7 +14,7 @@ class Curve(Protocol):
     The parameter is t ∈ [0, 1]; it need not be proportional to arc length. A curve is piecewise smooth: between two
     neighbouring values of `breaks()` it has as many derivatives as anyone asks for, and at a break the value is that of
     the piece on the right (at t = 1, of the last piece). Objects are immutable. Functions that take a `Curve` use only
-    these four methods, so any object that has them will do.
+    these four methods, so any object that has them will do. `length` is an attribute (a property), not a method: an elastica stores it.
 
     Example:
         >>> import numpy as np
@@ -23,8 +23,7 @@ class Curve(Protocol):
         ...         return np.asarray(t)[..., None] * np.array([3.0, 4.0])
         ...     def derivative(self, t, order=1):
         ...         return np.ones(np.shape(t))[..., None] * np.array([3.0, 4.0]) * (order == 1)
-        ...     def length(self):
-        ...         return 5.0
+        ...     length = 5.0
         ...     def breaks(self):
         ...         return np.array([0.0, 1.0])
         >>> isinstance(Segment(), Curve)
@@ -39,6 +38,7 @@ class Curve(Protocol):
         """Derivatives dⁿγ/dtⁿ for n = `order` ∈ {1, 2, 3}, shape (…, 2) for t of shape (…)."""
         ...
 
+    @property
     def length(self) -> float:
         """The arc length from t = 0 to t = 1, in the unit of the coordinates."""
         ...
