@@ -14,7 +14,7 @@ class Curve(Protocol):
     The parameter is t ∈ [0, 1]; it need not be proportional to arc length. A curve is piecewise smooth: between two
     neighbouring values of `breaks()` it has as many derivatives as anyone asks for, and at a break the value is that of
     the piece on the right (at t = 1, of the last piece). Objects are immutable. Functions that take a `Curve` use only
-    these four methods, so any object that has them will do. `length` is an attribute (a property), not a method: an elastica stores it.
+    these four members, so any object that has them will do. `length` is an attribute (a property), not a method: an elastica stores it.
 
     Example:
         >>> import numpy as np
@@ -39,8 +39,9 @@ class Curve(Protocol):
         ...
 
     @property
+    @property
     def length(self) -> float:
-        """The arc length from t = 0 to t = 1, in the unit of the coordinates."""
+        """The arc length from t = 0 to t = 1, in the unit of the coordinates (an attribute, not a method)."""
         ...
 
     def breaks(self) -> FloatArray:
