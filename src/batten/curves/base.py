@@ -14,7 +14,8 @@ class Curve(Protocol):
     The parameter is t ∈ [0, 1]; it need not be proportional to arc length. A curve is piecewise smooth: between two
     neighbouring values of `breaks()` it has as many derivatives as anyone asks for, and at a break the value is that of
     the piece on the right (at t = 1, of the last piece). Objects are immutable. Functions that take a `Curve` use only
-    these four members, so any object that has them will do. `length` is an attribute (a property), not a method: an elastica stores it.
+    these four members, so any object that has them will do. `length` is an attribute (a property), not a method: an
+    elastica stores it.
 
     Example:
         >>> import numpy as np
@@ -38,7 +39,6 @@ class Curve(Protocol):
         """Derivatives dⁿγ/dtⁿ for n = `order` ∈ {1, 2, 3}, shape (…, 2) for t of shape (…)."""
         ...
 
-    @property
     @property
     def length(self) -> float:
         """The arc length from t = 0 to t = 1, in the unit of the coordinates (an attribute, not a method)."""
