@@ -115,10 +115,8 @@ class Elastica:
     def _evaluate(self, s: ArrayLike) -> FloatArray:
         arc = np.asarray(s, dtype=np.float64)
         out = np.empty((arc.size, 4))
-        kernel.evaluate(
-            self.start[0], self.start[1], self.start_angle, self.start_curvature, self.force[0], self.force[1],
-            np.ascontiguousarray(arc.reshape(-1)), True, out,
-        )  # fmt: skip
+        s_flat = np.ascontiguousarray(arc.reshape(-1))
+        kernel.evaluate(self.start[0], self.start[1], self.start_angle, self._constants(), s_flat, out)
         return out.reshape(*arc.shape, 4)
 
     def point_at(self, s: ArrayLike) -> FloatArray:
@@ -142,14 +140,19 @@ class Elastica:
         Accuracy: 1e-9 relative to the norm of each column.
         """
         arc = np.asarray(s, dtype=np.float64)
-        out = np.empty((arc.size, 3, 6))
-        values = np.empty((arc.size, 4))
-        jacobian_kernel.jacobian(
-            self.start[0], self.start[1], self.start_angle, self.start_curvature, self.force[0], self.force[1],
-            np.ascontiguousarray(arc.reshape(-1)), True, values, out,
-        )  # fmt: skip
+        order = np.argsort(arc, axis=None)
+        ascending = np.ascontiguousarray(arc.reshape(-1)[order])
+        out, values = np.empty((arc.size, 3, 6)), np.empty((arc.size, 4))
+        numbers = (self.start_angle, self.start_curvature, float(self.force[0]), float(self.force[1]))
+        constants = self._constants()
+        jacobian_kernel.jacobian(self.start[0], self.start[1], *numbers, constants, ascending, values, out)
+        near = constants[0] * ascending**2 < 1e-3
+        if near.any() and not near.all():
+            some = np.empty((int(near.sum()), 3, 6))
+            jacobian_kernel.jacobian_taylor(*numbers, np.ascontiguousarray(ascending[near]), some)
+            out[near] = some
         full = np.zeros((arc.size, 2, 7))
-        full[:, :, :6] = out[:, :2, :]
+        full[order, :, :6] = out[:, :2, :]
         return full.reshape(*arc.shape, 2, 7)
 
     # --- the Curve protocol: t = s/length ---
@@ -191,8 +194,9 @@ class Elastica:
         return float(4.0 * (q * q + lam * a * a) * self.length - 2.0 * lam * (self.length - along))
 
     def _constants(self) -> tuple[float, float, float, float, float, float, float]:
-        values = kernel.elastica_constants(self.start_angle, self.start_curvature, self.force[0], self.force[1], True)
-        return values  # type: ignore[no-any-return]
+        return kernel.elastica_constants_exact(
+            self.start_angle, self.start_curvature, float(self.force[0]), float(self.force[1])
+        )
 
     def inflections(self) -> FloatArray:
         """Arc lengths in [0, length] where the curvature changes sign, ascending; shape (n,).
@@ -312,7 +316,7 @@ class Elastica:
         else:
             s0 = _incomplete_first(a, c, q / np.sqrt(big_m), ellipk_complement(-delta / big_m)) / k
         basic = np.empty((1, 4))
-        kernel.evaluate(0.0, 0.0, 0.0, 2.0 * k, 1.0, 0.0, np.array([s0]), True, basic)
+        kernel.evaluate(0.0, 0.0, 0.0, kernel.elastica_constants_exact(0.0, 2.0 * k, 1.0, 0.0), np.array([s0]), basic)
         x, y = basic[0, :2]
         origin = (
             float(self.start[0] - scale * (ux * x - uy * y)),
@@ -380,20 +384,29 @@ def points_batch(parameters: ArrayLike, fractions: ArrayLike) -> FloatArray:
 
     A row that is not finite gives NaN. Accuracy as in `Elastica`.
     """
-    p = np.asarray(parameters, dtype=np.float64)
+    p = _rows(parameters)
     t = np.ascontiguousarray(np.asarray(fractions, dtype=np.float64).reshape(-1))
+    rows = np.ascontiguousarray(p.reshape(-1, 7))
+    out = np.empty((rows.shape[0], t.size, 2))
+    kernel.points_batch(rows, t, out)
+    return out.reshape(*p.shape[:-1], t.size, 2)
+
+
+def states_at(parameters: ArrayLike, s: ArrayLike) -> FloatArray:
+    """(x, y, θ, κ) on many elastica, at one arc length each: `parameters` (…, 7), s (…); shape (…, 4); NaN as above."""
+    p = _rows(parameters)
+    arc = np.broadcast_to(np.asarray(s, dtype=np.float64), p.shape[:-1])
+    rows = np.ascontiguousarray(p.reshape(-1, 7))
+    out = np.empty((rows.shape[0], 4))
+    kernel.states_batch(rows, np.ascontiguousarray(arc.reshape(-1)), out)
+    return out.reshape(*p.shape[:-1], 4)
+
+
+def _rows(parameters: ArrayLike) -> FloatArray:
+    p = np.asarray(parameters, dtype=np.float64)
     if p.shape[-1:] != (7,):
         raise InvalidInputError(f"parameters of elastica have shape (…, 7); got {p.shape}")
-    rows = np.ascontiguousarray(p.reshape(-1, 7))
-    out = np.full((rows.shape[0], t.size, 2), np.nan)
-    good = np.isfinite(rows).all(axis=1)
-    if good.all():
-        kernel.points_batch(rows, t, out)
-    elif good.any():
-        some = np.empty((int(good.sum()), t.size, 2))
-        kernel.points_batch(np.ascontiguousarray(rows[good]), t, some)
-        out[good] = some
-    return out.reshape(*p.shape[:-1], t.size, 2)
+    return p
 
 
 def ellipk_complement(mc: float) -> float:

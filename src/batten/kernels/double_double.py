@@ -28,7 +28,7 @@ def _inverse_factorials(count):
 _INV_FACT_HI, _INV_FACT_LO = _inverse_factorials(24)
 
 
-@njit(cache=True)
+@njit(cache=True, no_cfunc_wrapper=True)
 def two_sum(a, b):
     """a + b exactly, as (rounded sum, error)."""
     s = a + b
@@ -36,7 +36,7 @@ def two_sum(a, b):
     return s, (a - (s - t)) + (b - t)
 
 
-@njit(cache=True)
+@njit(cache=True, no_cfunc_wrapper=True)
 def two_product(a, b):
     """a·b exactly, as (rounded product, error); |a|, |b| below 1e150."""
     p = a * b
@@ -49,7 +49,7 @@ def two_product(a, b):
     return p, ((ah * bh - p) + ah * bl + al * bh) + al * bl
 
 
-@njit(cache=True)
+@njit(cache=True, no_cfunc_wrapper=True)
 def dd_add(ah, al, bh, bl):
     """Sum of two double-doubles."""
     s, e = two_sum(ah, bh)
@@ -61,7 +61,7 @@ def dd_add(ah, al, bh, bl):
     return r, e - (r - h)
 
 
-@njit(cache=True)
+@njit(cache=True, no_cfunc_wrapper=True)
 def dd_mul(ah, al, bh, bl):
     """Product of two double-doubles."""
     p, e = two_product(ah, bh)
@@ -70,7 +70,7 @@ def dd_mul(ah, al, bh, bl):
     return h, e - (h - p)
 
 
-@njit(cache=True)
+@njit(cache=True, no_cfunc_wrapper=True)
 def dd_sqrt(ah, al):
     """Square root of a non-negative double-double."""
     if ah <= 0.0:
@@ -83,7 +83,7 @@ def dd_sqrt(ah, al):
     return h, c - (h - r)
 
 
-@njit(cache=True)
+@njit(cache=True, no_cfunc_wrapper=True)
 def dd_sin_cos(angle):
     """sin and cos of a double as double-doubles (sin hi, sin lo, cos hi, cos lo); |angle| up to about 1e6."""
     n = math.floor(angle / _HALF_PI[0] + 0.5)

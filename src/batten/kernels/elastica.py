@@ -25,9 +25,9 @@ _RADIUS = 0.35  # of the series; the nearest singularity lies at K′ ≥ π/2
 _SPLIT_SUM = np.array([2.0 * n + 3.0 for n in range(_TERMS)])
 
 
-@njit(cache=True)
-def elastica_constants(theta, kappa, fx, fy, exact):
-    """Constants of a curve: (λ, q₀, a₀, c₀, Δ = λ − M, cos φ, sin φ); `exact` asks for Δ with about 30 digits."""
+@njit(cache=True, no_cfunc_wrapper=True)
+def elastica_constants(theta, kappa, fx, fy):
+    """Constants of a curve: (λ, q₀, a₀, c₀, Δ = λ − M, cos φ, sin φ), in plain double precision."""
     lam = math.hypot(fx, fy)
     q = 0.5 * kappa
     if lam == 0.0:
@@ -44,8 +44,15 @@ def elastica_constants(theta, kappa, fx, fy, exact):
         a = math.copysign(math.sqrt(0.5 * (1.0 - cos_psi)), sin_psi)
         c = 0.5 * sin_psi / a
     delta = (root * c - abs(q)) * (root * c + abs(q))
+    return lam, q, a, c, delta, ux, uy
+
+
+@njit(cache=True, no_cfunc_wrapper=True)
+def elastica_constants_exact(theta, kappa, fx, fy):
+    """`elastica_constants` with Δ to about 30 digits before rounding, and c₀ relatively exact, where that matters."""
+    lam, q, a, c, delta, ux, uy = elastica_constants(theta, kappa, fx, fy)
     scale = max(lam, q * q + lam * a * a)
-    if exact and (abs(delta) < 0.05 * scale or c * c < 0.01) and 1e-140 < lam < 1e140:
+    if (abs(delta) < 0.05 * scale or c * c < 0.01) and 1e-140 < lam < 1e140:
         sh, sl, ch, cl = dd_sin_cos(theta)
         h, e = two_product(fx, fx)
         g, f = two_product(fy, fy)
@@ -74,7 +81,7 @@ def elastica_constants(theta, kappa, fx, fy, exact):
     return lam, q, a, c, delta, ux, uy
 
 
-@njit(cache=True)
+@njit(cache=True, no_cfunc_wrapper=True)
 def base_series(p, c, w):
     """Coefficients in x = t² of sn(t | p)/t into `c` and of 3·∫sn²/t³-type sums into `w`: ∫₀ᵗ sn² = t³ Σ wₙ xⁿ."""
     c[0] = 1.0
@@ -92,7 +99,7 @@ def base_series(p, c, w):
         w[n] /= _SPLIT_SUM[n]
 
 
-@njit(cache=True)
+@njit(cache=True, no_cfunc_wrapper=True)
 def base_series_tangent(p, c, dc, w, dw):
     """`base_series` together with the derivatives of its coefficients with respect to p."""
     c[0], dc[0] = 1.0, 0.0
@@ -115,7 +122,7 @@ def base_series_tangent(p, c, dc, w, dw):
         dw[n] /= _SPLIT_SUM[n]
 
 
-@njit(cache=True)
+@njit(cache=True, no_cfunc_wrapper=True)
 def base_at(v, lam, big_m, delta, c, w):
     """(S, C, D, J) at v, given the series of p = min(λ, M)/max(λ, M)."""
     top = max(lam, big_m)
@@ -151,7 +158,7 @@ def base_at(v, lam, big_m, delta, c, w):
     return s, cc, dd, j
 
 
-@njit(cache=True)
+@njit(cache=True, no_cfunc_wrapper=True)
 def point_on(s, lam, q, a, c, delta, ser, wer):
     """In the frame of the force: displacement (X, Y) over arc length s, and the end state (a, c, q)."""
     big_m = q * q + lam * a * a
@@ -172,7 +179,7 @@ def point_on(s, lam, q, a, c, delta, ser, wer):
     return x, y, a1, c1, q1
 
 
-@njit(cache=True)
+@njit(cache=True, no_cfunc_wrapper=True)
 def turning_rate(lam, q, a, delta):
     """Mean rate of ψ/2 along the curve, signed: √M·π/(2K(√p)) without inflections; 0 with inflections or at k = 1."""
     if delta >= 0.0:
@@ -186,7 +193,7 @@ def turning_rate(lam, q, a, delta):
     return math.copysign(math.sqrt(big_m) * x, q)  # K = π / (2 agm)
 
 
-@njit(cache=True)
+@njit(cache=True, no_cfunc_wrapper=True)
 def half_turn(s, a, c, a1, c1, rate):
     """(ψ(s) − ψ(0))/2, continuous along the curve."""
     principal = math.atan2(a1 * c - c1 * a, c1 * c + a1 * a)
@@ -195,10 +202,10 @@ def half_turn(s, a, c, a1, c1, rate):
     return principal + 2.0 * math.pi * math.floor((rate * s - principal) / (2.0 * math.pi) + 0.5)
 
 
-@njit(cache=True)
-def evaluate(start_x, start_y, theta, kappa, fx, fy, s, exact, out):
-    """Rows (x, y, θ, κ) at every arc length s (n,) into out (n, 4)."""
-    lam, q, a, c, delta, ux, uy = elastica_constants(theta, kappa, fx, fy, exact)
+@njit(cache=True, no_cfunc_wrapper=True)
+def evaluate(start_x, start_y, theta, constants, s, out):
+    """Rows (x, y, θ, κ) at every arc length s (n,) into out (n, 4); `constants` from `elastica_constants` or `…_exact`."""
+    lam, q, a, c, delta, ux, uy = constants
     big_m = q * q + lam * a * a
     ser = np.empty(_TERMS)
     wer = np.empty(_TERMS)
@@ -213,14 +220,17 @@ def evaluate(start_x, start_y, theta, kappa, fx, fy, s, exact, out):
         out[i, 3] = 2.0 * q1
 
 
-@njit(cache=True)
+@njit(cache=True, no_cfunc_wrapper=True)
 def points_batch(parameters, fractions, out):
     """Points (n, m, 2) at `fractions` (m,) of the length of n curves (x, y, θ, κ, λ₁, λ₂, length), shape (n, 7)."""
     ser = np.empty(_TERMS)
     wer = np.empty(_TERMS)
     for k in range(parameters.shape[0]):
         x0, y0, theta, kappa, fx, fy, length = parameters[k]
-        lam, q, a, c, delta, ux, uy = elastica_constants(theta, kappa, fx, fy, True)
+        if not math.isfinite(x0 + y0 + theta + kappa + fx + fy + length):
+            out[k] = math.nan
+            continue
+        lam, q, a, c, delta, ux, uy = elastica_constants_exact(theta, kappa, fx, fy)
         big_m = q * q + lam * a * a
         top = max(lam, big_m)
         base_series(min(lam, big_m) / top if top > 0.0 else 0.0, ser, wer)
@@ -228,3 +238,16 @@ def points_batch(parameters, fractions, out):
             x, y, _, _, _ = point_on(fractions[i] * length, lam, q, a, c, delta, ser, wer)
             out[k, i, 0] = x0 + ux * x - uy * y
             out[k, i, 1] = y0 + uy * x + ux * y
+
+
+@njit(cache=True, no_cfunc_wrapper=True)
+def states_batch(parameters, s, out):
+    """(x, y, θ, κ) of n curves at one arc length each: parameters (n, 7), s (n,), out (n, 4)."""
+    arc = np.empty(1)
+    for k in range(parameters.shape[0]):
+        x0, y0, theta, kappa, fx, fy, _ = parameters[k]
+        if not math.isfinite(x0 + y0 + theta + kappa + fx + fy + s[k]):
+            out[k] = math.nan
+            continue
+        arc[0] = s[k]
+        evaluate(x0, y0, theta, elastica_constants_exact(theta, kappa, fx, fy), arc, out[k : k + 1])

@@ -15,7 +15,6 @@ from batten.kernels.elastica import (
     _RADIUS,
     _TERMS,
     base_series_tangent,
-    elastica_constants,
     half_turn,
     turning_rate,
 )
@@ -23,7 +22,7 @@ from batten.kernels.elastica import (
 _ORDER = 22
 
 
-@njit(cache=True)
+@njit(cache=True, no_cfunc_wrapper=True)
 def base_tangent_at(v, lam, big_m, delta, c, dc, w, dw, out):
     """(S, C, D, J) at v in row 0 of `out` (3, 4), their derivatives with respect to λ and M in rows 1 and 2."""
     swap = big_m > lam
@@ -108,7 +107,7 @@ def base_tangent_at(v, lam, big_m, delta, c, dc, w, dw, out):
     out[2, 0], out[2, 1], out[2, 2], out[2, 3] = sm, cm, dm, jm
 
 
-@njit(cache=True)
+@njit(cache=True, no_cfunc_wrapper=True)
 def point_tangent(s, lam, q, a, c, delta, ser, dser, wer, dwer, base, out):
     """Row 0 of `out` (4, 5): X, Y, a, c, q at s; rows 1–3: derivatives with respect to (ψ₀, q₀, λ); frame of the force."""
     big_m = q * q + lam * a * a
@@ -170,7 +169,7 @@ def point_tangent(s, lam, q, a, c, delta, ser, dser, wer, dwer, base, out):
         ) * inv2  # fmt: skip
 
 
-@njit(cache=True)
+@njit(cache=True, no_cfunc_wrapper=True)
 def _taylor_step(state, fx, fy, ser):
     """Taylor coefficients about `state` of (θ, x, y) and of the derivatives by (κ₀, λ₁, λ₂), into `ser` (12, order + 1).
 
@@ -210,12 +209,12 @@ def _taylor_step(state, fx, fy, ser):
             ser[9 + j, n + 1] = uc / (n + 1.0)
 
 
-@njit(cache=True)
+@njit(cache=True, no_cfunc_wrapper=True)
 def jacobian_taylor(theta, kappa, fx, fy, s, out):
-    """Derivatives by Taylor steps: fills `out` (n, 3, 6) at arc lengths s (n,) in any order and of any sign."""
+    """Derivatives by Taylor steps: fills `out` (n, 3, 6) at ascending arc lengths s (n,), negative ones too."""
     bound = abs(kappa) + 3.0 * math.sqrt(math.hypot(fx, fy))
     step = 0.8 / bound if bound > 0.0 else math.inf
-    order = np.argsort(np.abs(s))
+    n_s = s.shape[0]
     ser = np.zeros((12, _ORDER + 1))
     state = np.zeros(16)
     for sign in (1.0, -1.0):
@@ -223,7 +222,8 @@ def jacobian_taylor(theta, kappa, fx, fy, s, out):
         state[:] = 0.0
         state[0], state[12], state[13] = theta, kappa, 1.0
         _taylor_step(state, fx, fy, ser)
-        for index in order:
+        for i in range(n_s):
+            index = i if sign > 0.0 else n_s - 1 - i
             if s[index] * sign < 0.0 or (s[index] == 0.0 and sign < 0.0):
                 continue
             while abs(s[index] - here) > step:
@@ -257,10 +257,14 @@ def jacobian_taylor(theta, kappa, fx, fy, s, out):
             row[2, 2] = 1.0 + fy * row[2, 4] - fx * row[2, 5]
 
 
-@njit(cache=True)
-def jacobian(start_x, start_y, theta, kappa, fx, fy, s, exact, values, out):
-    """Values (n, 4) as `elastica.evaluate`, and derivatives of (x, y, θ) by (x₀, y₀, θ₀, κ₀, λ₁, λ₂), shape (n, 3, 6)."""
-    lam, q, a, c, delta, ux, uy = elastica_constants(theta, kappa, fx, fy, exact)
+@njit(cache=True, no_cfunc_wrapper=True)
+def jacobian(start_x, start_y, theta, kappa, fx, fy, constants, s, values, out):
+    """Values (n, 4) as `elastica.evaluate`, and derivatives of (x, y, θ) by (x₀, y₀, θ₀, κ₀, λ₁, λ₂), shape (n, 3, 6).
+
+    Arc lengths s (n,) ascend. Points with λs² < 1e-3 lose digits in the last two columns if the others are far away.
+    """
+    lam, q, a, c, delta, ux, uy = constants
+    n_s = s.shape[0]
     big_m = q * q + lam * a * a
     top = max(lam, big_m)
     ser, dser = np.empty(_TERMS), np.empty(_TERMS)
@@ -269,7 +273,7 @@ def jacobian(start_x, start_y, theta, kappa, fx, fy, s, exact, values, out):
     rate = turning_rate(lam, q, a, delta)
     base = np.empty((3, 4))
     row = np.empty((4, 5))
-    for i in range(s.shape[0]):
+    for i in range(n_s):
         point_tangent(s[i], lam, q, a, c, delta, ser, dser, wer, dwer, base, row)
         x, y, a1, c1 = row[0, 0], row[0, 1], row[0, 2], row[0, 3]
         gx, gy = ux * x - uy * y, uy * x + ux * y
@@ -292,13 +296,7 @@ def jacobian(start_x, start_y, theta, kappa, fx, fy, s, exact, values, out):
             o[0, 4], o[0, 5] = ux * rx - uy * tx, uy * rx + ux * tx
             o[1, 4], o[1, 5] = ux * ry - uy * ty, uy * ry + ux * ty
             o[2, 4], o[2, 5] = ux * rt - uy * tt, uy * rt + ux * tt
-    # Near a circle: all points, or, where the last digits matter, also single points close to the start.
-    reach = np.abs(s).max() if s.shape[0] else 0.0
-    if lam < 1e-5 * big_m or lam * reach * reach < 1e-3:
-        jacobian_taylor(theta, kappa, fx, fy, s, out)
-    elif exact:
-        near = np.nonzero(lam * s * s < 1e-3)[0]
-        some = np.empty((near.shape[0], 3, 6))
-        jacobian_taylor(theta, kappa, fx, fy, s[near], some)
-        for i in range(near.shape[0]):
-            out[near[i]] = some[i]
+    if n_s > 0:
+        reach = max(abs(s[0]), abs(s[n_s - 1]))
+        if lam < 1e-5 * big_m or lam * reach * reach < 1e-3:
+            jacobian_taylor(theta, kappa, fx, fy, s, out)

@@ -1,0 +1,275 @@
+"""Least-distance fit of an elastica to a sampled curve, with end conditions held exactly.
+
+Parameters are taken about the *middle* of the segment, (x, y, θ, κ, λ₁, λ₂) there and the length ℓ, so that neither end is
+far away. The curve is normalised to length 1 by the caller. Every iterate meets the end conditions. A step minimises a
+quadratic model in their null space: the Gauss–Newton model while it pays, then the exact Hessian of the Lagrangian (by
+differences of exact gradients) with its eigenvalues taken positive, damped as Levenberg and Marquardt do.
+"""
+
+import math
+
+import numpy as np
+from numba import njit
+
+from batten.kernels.elastica import elastica_constants, evaluate
+from batten.kernels.elastica_jacobian import jacobian
+from batten.kernels.linear import eigen_symmetric, solve_linear
+
+# Status of a fit.
+FIT_CONVERGED, FIT_ITERATIONS, FIT_INFEASIBLE, FIT_BAD = 0, 1, 2, 3
+
+
+@njit(cache=True, no_cfunc_wrapper=True)
+def sample_middle(mid, fractions, s, values, jac):
+    """Values (n, 4) at `fractions` of the length, and derivatives (n, 3, 7) by the mid parameters."""
+    n = fractions.shape[0]
+    for i in range(n):
+        s[i] = (fractions[i] - 0.5) * mid[6]
+    constants = elastica_constants(mid[2], mid[3], mid[4], mid[5])
+    jacobian(mid[0], mid[1], mid[2], mid[3], mid[4], mid[5], constants, s[:n], values, jac)
+    for i in range(n):
+        f = fractions[i] - 0.5
+        jac[i, 0, 6] = f * math.cos(values[i, 2])
+        jac[i, 1, 6] = f * math.sin(values[i, 2])
+        jac[i, 2, 6] = f * values[i, 3]
+
+
+@njit(cache=True, no_cfunc_wrapper=True)
+def lagrangian(mid, points, theta, weights, fractions, h1, ends, m, nu, work_s, values, jac, grad, gauss, c, a):
+    """F = ½ Σ w |γ − x|² (+ ½ Σ w (θ_γ − θ)² for H¹), its gradient (7,) and Gauss–Newton matrix (7, 7).
+
+    The first and last entries of `fractions` are 0 and 1, with weight 0: there the end conditions are read off, residuals
+    into c (6,), derivatives into a (6, 7), m of them (0 none, 4 points, 6 points and tangents). ν·∂c is added to `grad`.
+    """
+    sample_middle(mid, fractions, work_s, values, jac)
+    rows = 3 if h1 else 2
+    n = weights.shape[0]
+    total = 0.0
+    for k in range(7):
+        grad[k] = 0.0
+        for b in range(7):
+            gauss[k, b] = 0.0
+    for i in range(1, n - 1):
+        w = weights[i]
+        for r in range(rows):
+            d = values[i, r] - (points[i, r] if r < 2 else theta[i])
+            total += 0.5 * w * d * d
+            for k in range(7):
+                ja = w * jac[i, r, k]
+                grad[k] += ja * d
+                for b in range(k + 1):
+                    gauss[k, b] += ja * jac[i, r, b]
+    for k in range(7):
+        for b in range(k):
+            gauss[b, k] = gauss[k, b]
+    for j in range(m):
+        e, r = (j // 2, j % 2) if m == 4 else (j // 3, j % 3)
+        i = e * (n - 1)
+        c[j] = values[i, r] - ends[e, r]
+        for k in range(7):
+            a[j, k] = jac[i, r, k]
+            grad[k] += nu[j] * a[j, k]
+    return total
+
+
+@njit(cache=True, no_cfunc_wrapper=True)
+def _objective(mid, points, theta, weights, fractions, h1, s, values):
+    n = weights.shape[0]
+    for i in range(n):
+        s[i] = (fractions[i] - 0.5) * mid[6]
+    evaluate(mid[0], mid[1], mid[2], elastica_constants(mid[2], mid[3], mid[4], mid[5]), s, values)
+    total = 0.0
+    for i in range(1, n - 1):
+        dx, dy = values[i, 0] - points[i, 0], values[i, 1] - points[i, 1]
+        d = dx * dx + dy * dy
+        if h1:
+            d += (values[i, 2] - theta[i]) ** 2
+        total += weights[i] * d
+    return 0.5 * total
+
+
+@njit(cache=True, no_cfunc_wrapper=True)
+def restore(out, tips, ends, m, s, values, jac, c, a):
+    """Move `out` (7,) by scaled least-norm Newton steps onto the end conditions. True if they hold to 1e-12."""
+    if m == 0:
+        return True
+    system = np.empty((6, 6))
+    previous = math.inf
+    for step in range(25):
+        sample_middle(out, tips, s, values, jac)
+        size = 0.0
+        for j in range(m):
+            e, r = (j // 2, j % 2) if m == 4 else (j // 3, j % 3)
+            c[j] = values[e, r] - ends[e, r]
+            size = max(size, abs(c[j]))
+            for k in range(7):
+                a[j, k] = jac[e, r, k]
+        if not math.isfinite(size):
+            return False
+        if size < 1e-14 or (size < 2e-13 and size >= 0.5 * previous):
+            return True
+        if step > 8 and size > 0.5 * previous:
+            return size < 1e-12
+        previous = size
+        damp = 1.0 if size < 0.5 else 0.5 / size
+        for i in range(m):
+            for j in range(m):
+                total = 1e-15 if i == j else 0.0
+                for k in range(7):
+                    scale = 1.0 if k < 3 or k == 6 else (10.0 if k == 3 else 100.0)
+                    total += a[i, k] * a[j, k] * scale
+                system[i, j] = total
+        if not solve_linear(system, c, m):
+            return False
+        for k in range(7):
+            scale = 1.0 if k < 3 or k == 6 else (10.0 if k == 3 else 100.0)
+            total = 0.0
+            for i in range(m):
+                total += a[i, k] * c[i]
+            out[k] -= damp * scale * total
+        if not (out[6] > 1e-6):
+            return False
+    return False
+
+
+@njit(cache=True, no_cfunc_wrapper=True)
+def _reduce(model, grad, gauss, a, m, nu, scale, basis, eigen, slope):
+    """Scaled model in the null space of the constraints: eigenvectors, |eigenvalues|, and gradient along them.
+
+    Also the least-squares multipliers ν. False if the constraints are dependent.
+    """
+    project = np.zeros((7, 7))
+    for k in range(7):
+        scale[k] = 1.0 / math.sqrt(gauss[k, k] + 1e-10)
+        project[k, k] = 1.0
+    if m > 0:
+        system, rhs = np.empty((6, 6)), np.empty(6)
+        for col in range(8):  # columns of the projector, then the multipliers
+            for i in range(m):
+                if col < 7:
+                    rhs[i] = a[i, col] * scale[col]
+                else:
+                    rhs[i] = 0.0
+                    for k in range(7):
+                        rhs[i] -= a[i, k] * scale[k] * scale[k] * grad[k]
+                for j in range(m):
+                    total = 0.0
+                    for k in range(7):
+                        total += a[i, k] * a[j, k] * scale[k] * scale[k]
+                    system[i, j] = total
+            if not solve_linear(system, rhs, m):
+                return False
+            for j in range(m):
+                if col == 7:
+                    nu[j] = rhs[j]
+                else:
+                    for k in range(7):
+                        project[k, col] -= a[j, k] * scale[k] * rhs[j]
+    scaled, half = np.empty((7, 7)), np.empty((7, 7))
+    for i in range(7):
+        for j in range(7):
+            total = 0.0
+            for k in range(7):
+                total += scale[i] * model[i, k] * scale[k] * project[k, j]
+            half[i, j] = total
+    for i in range(7):
+        for j in range(7):
+            total = 0.0
+            for k in range(7):
+                total += project[k, i] * half[k, j]
+            scaled[i, j] = total
+    eigen_symmetric(scaled, basis, eigen, 7)
+    for j in range(7):
+        slope[j] = 0.0
+        for i in range(7):
+            for k in range(7):
+                slope[j] += basis[i, j] * project[i, k] * scale[k] * grad[k]
+    return True
+
+
+@njit(cache=True, no_cfunc_wrapper=True)
+def fit_from(mid, points, theta, weights, fractions, ends, m, h1, max_iterations, out):
+    """Fit from one start; (status, F, iterations, √(predicted decrease)); result in `out` (7,).
+
+    Rows of the samples as for `lagrangian`. m: number of end conditions.
+    """
+    n = weights.shape[0]
+    s, values, jac = np.empty(n), np.empty((n, 4)), np.empty((n, 3, 7))
+    tips = np.array([0.0, 1.0])
+    grad, other, gauss, gauss_other, model = np.empty(7), np.empty(7), np.empty((7, 7)), np.empty((7, 7)), np.empty((7, 7))
+    c, a, a_other, nu, zero = np.zeros(6), np.zeros((6, 7)), np.zeros((6, 7)), np.zeros(6), np.zeros(6)
+    grad_nu = np.empty(7)
+    basis, eigen, slope, scale = np.empty((7, 7)), np.empty(7), np.empty(7), np.empty(7)
+    trial = np.empty(7)
+    out[:] = mid
+    if not restore(out, tips, ends, m, s, values, jac, c, a):
+        return FIT_INFEASIBLE, math.inf, 0, math.inf
+    mu, newton, slow, optimality = 1e-3, False, 0, math.inf
+    for iteration in range(max_iterations):
+        value = lagrangian(out, points, theta, weights, fractions, h1, ends, m, zero, s, values, jac, grad, gauss, c, a)
+        if not math.isfinite(value):
+            return FIT_BAD, math.inf, iteration, math.inf
+        if not _reduce(gauss, grad, gauss, a, m, nu, scale, basis, eigen, slope):
+            return FIT_ITERATIONS, value, iteration, optimality
+        if newton:
+            grad_nu[:] = grad
+            for j in range(m):
+                for k in range(7):
+                    grad_nu[k] += nu[j] * a[j, k]
+            for k in range(7):  # Hessian of the Lagrangian, column by column
+                h = 1e-6 * max(1.0, abs(out[k])) if k < 6 else 1e-6 * out[6]
+                trial[:] = out
+                trial[k] += h
+                lagrangian(
+                    trial, points, theta, weights, fractions, h1, ends, m, nu, s, values, jac, other, gauss_other, c, a_other
+                )
+                for i in range(7):
+                    model[i, k] = (other[i] - grad_nu[i]) / h
+            for i in range(7):
+                for j in range(i):
+                    model[i, j] = 0.5 * (model[i, j] + model[j, i])
+                    model[j, i] = model[i, j]
+            _reduce(model, grad, gauss, a, m, nu, scale, basis, eigen, slope)
+        accepted, finished = False, False
+        new = math.inf
+        for _ in range(25):
+            decrease, optimality = 0.0, 0.0
+            for k in range(7):
+                trial[k] = 0.0
+            for j in range(7):
+                curve = abs(eigen[j])
+                amount = -slope[j] / (curve + mu + 1e-14)
+                decrease -= amount * (slope[j] + 0.5 * curve * amount)
+                optimality += 0.5 * slope[j] ** 2 / (curve + 1e-9)
+                for k in range(7):
+                    trial[k] += amount * basis[k, j] * scale[k]
+            if optimality <= 1e-14 * value or value < 1e-30:
+                finished = True
+                break
+            for k in range(7):
+                trial[k] += out[k]
+            new = math.inf
+            if 1e-6 < trial[6] < 50.0 and abs(trial[3]) < 1e4 and restore(trial, tips, ends, m, s, values, jac, c, a):
+                new = _objective(trial, points, theta, weights, fractions, h1, s, values)
+            if new < value:
+                if value - new > 0.75 * decrease:
+                    mu = max(mu * 0.1, 1e-15)
+                elif value - new < 0.25 * decrease:
+                    mu *= 4.0
+                accepted = True
+                break
+            mu = max(6.0 * mu, 1e-8)
+            if decrease < 1e-16 * value:
+                break
+        optimality = math.sqrt(optimality)
+        if (finished or not accepted) and newton:
+            good = finished or optimality * optimality <= 1e-10 * value
+            return FIT_CONVERGED if good else FIT_ITERATIONS, value, iteration + 1, optimality
+        if finished or not accepted:
+            newton, mu = True, 1e-6
+            continue
+        out[:] = trial
+        slow = slow + 1 if value - new < 0.3 * value else 0
+        if not newton and slow >= 2:
+            newton, mu = True, min(mu, 1e-2)
+    return FIT_ITERATIONS, _objective(out, points, theta, weights, fractions, h1, s, values), max_iterations, optimality

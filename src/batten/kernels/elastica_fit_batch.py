@@ -1,0 +1,130 @@
+"""Fits of many sampled curves, each from several starts."""
+
+import math
+
+import numpy as np
+from numba import njit
+
+from batten.kernels.elastica import elastica_constants, evaluate
+from batten.kernels.elastica_fit import FIT_BAD, fit_from
+from batten.kernels.initial_guess import GUESS_BAD, initial_guess, multipliers
+
+# How many different starts there are: the canonical guess; the affine curvature of eq. (6) integrated from the middle; the
+# same fitted in H¹ first; the mean circle; half the force; a larger force; the opposite curvature in the middle.
+MAX_STARTS = 7
+
+
+@njit(cache=True, no_cfunc_wrapper=True)
+def make_start(which, points, theta, kappa, weights, fractions, guess, mid):
+    """Start number `which` (see MAX_STARTS) for a curve of length 1, about the middle; False if there is none."""
+    s, state = np.empty(1), np.empty((1, 4))
+    if which == 0:
+        s[0] = 0.5 * guess[6]
+        evaluate(guess[0], guess[1], guess[2], elastica_constants(guess[2], guess[3], guess[4], guess[5]), s, state)
+        for k in range(4):
+            mid[k] = state[0, k]
+        for k in range(4, 7):
+            mid[k] = guess[k]
+        return math.isfinite(guess[0])
+    l1, l2, alpha, _, _, _ = multipliers(points, kappa, weights)
+    nearest, mean, mx, my = 0, 0.0, 0.0, 0.0
+    for i in range(weights.shape[0]):
+        mean += weights[i] * kappa[i]
+        mx += weights[i] * points[i, 0]
+        my += weights[i] * points[i, 1]
+        if abs(fractions[i] - 0.5) < abs(fractions[nearest] - 0.5):
+            nearest = i
+    factor = 1.0
+    if which == 3:
+        factor = 0.0
+    elif which == 4:
+        factor = 0.5
+    elif which == 5:
+        factor = 1.6
+    l1, l2 = factor * l1, factor * l2
+    x, y = points[nearest, 0], points[nearest, 1]
+    curvature = mean - l1 * (y - my) + l2 * (x - mx)  # affine, with the mean of the given curve
+    if which == 6:
+        curvature = -curvature
+    s[0] = 0.5 - fractions[nearest]
+    evaluate(x, y, theta[nearest], elastica_constants(theta[nearest], curvature, l1, l2), s, state)
+    for k in range(4):
+        mid[k] = state[0, k]
+    mid[4], mid[5], mid[6] = l1, l2, 1.0
+    return math.isfinite(mid[0] + mid[1] + mid[2] + mid[3])
+
+
+@njit(cache=True, no_cfunc_wrapper=True)
+def fit_batch(points, theta, kappa, weights, fractions, lengths, ends, m, h1, starts, max_iterations, params, info, status):
+    """Fit b sampled curves. Fills params (b, 7) about the middle, info (b, 7) and status (b,).
+
+    Info: distance, R₁, R₂, R₃, R₄ of the canonical guess, iterations over all starts, √(predicted decrease). The samples
+    (see `CurveSamples`) may have any unit; everything inside is scaled to length 1. m: end conditions, 0, 4 or 6.
+    """
+    n = weights.shape[1]
+    p, th, k, w, f = np.zeros((n + 2, 2)), np.zeros(n + 2), np.zeros(n + 2), np.zeros(n + 2), np.zeros(n + 2)
+    e, guess, residuals = np.empty((2, 3)), np.empty(7), np.empty(4)
+    mid, trial = np.empty(7), np.empty(7)
+    for b in range(lengths.shape[0]):
+        length = lengths[b]
+        x0, y0 = points[b, n // 2, 0], points[b, n // 2, 1]
+        check = 0.0
+        for i in range(n):
+            p[i + 1, 0], p[i + 1, 1] = (points[b, i, 0] - x0) / length, (points[b, i, 1] - y0) / length
+            th[i + 1], k[i + 1], w[i + 1] = theta[b, i], kappa[b, i] * length, weights[b, i] / length
+            f[i + 1] = fractions[b, i]
+            check += p[i + 1, 0] + p[i + 1, 1] + th[i + 1] + k[i + 1] + w[i + 1] + f[i + 1]
+        f[n + 1] = 1.0
+        for j in range(2):
+            e[j, 0], e[j, 1], e[j, 2] = (ends[b, j, 0] - x0) / length, (ends[b, j, 1] - y0) / length, ends[b, j, 2]
+            check += e[j, 0] + e[j, 1] + e[j, 2]
+        for j in range(7):
+            params[b, j], info[b, j] = math.nan, math.nan
+        info[b, 5] = 0.0
+        status[b] = FIT_BAD
+        if not (math.isfinite(check) and length > 0.0):
+            continue
+        inner = slice(1, n + 1)
+        if initial_guess(p[inner], th[inner], k[inner], w[inner], f[inner], 1.0, e, guess, residuals) == GUESS_BAD:
+            guess[0] = math.nan
+        for j in range(4):
+            info[b, 1 + j] = residuals[j]
+        best = math.inf
+        for which in range(starts):
+            if which == 2 and h1:
+                continue
+            if not make_start(which, p[inner], th[inner], k[inner], w[inner], f[inner], guess, mid):
+                continue
+            # Start 2 runs in H¹ first, then once more in the metric that was asked for.
+            for stage in range(2 if which == 2 else 1):
+                first = which == 2 and stage == 0
+                state, value, iterations, optimality = fit_from(
+                    mid, p, th, w, f, e, m, h1 or first, 25 if first else max_iterations, trial
+                )
+                info[b, 5] += iterations
+                if first:
+                    mid[:] = trial
+            if value < best:
+                best = value
+                status[b] = state
+                info[b, 6] = optimality
+                params[b, 0], params[b, 1], params[b, 2] = x0 + length * trial[0], y0 + length * trial[1], trial[2]
+                params[b, 3] = trial[3] / length
+                params[b, 4], params[b, 5] = trial[4] / length**2, trial[5] / length**2
+                params[b, 6] = trial[6] * length
+            elif status[b] == FIT_BAD:
+                status[b] = state
+            if best < 1e-24:
+                break
+        if math.isfinite(best):
+            info[b, 0] = math.sqrt(2.0 * best)
+
+
+@njit(cache=True, no_cfunc_wrapper=True)
+def guess_batch(points, theta, kappa, weights, fractions, lengths, ends, params, info, status):
+    """`initial_guess` for every row."""
+    for b in range(lengths.shape[0]):
+        params[b] = np.nan
+        status[b] = initial_guess(
+            points[b], theta[b], kappa[b], weights[b], fractions[b], lengths[b], ends[b], params[b], info[b]
+        )
