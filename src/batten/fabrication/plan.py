@@ -14,7 +14,7 @@ import numpy as np
 
 from batten.curves.elastica import Elastica
 from batten.surfaces.plane import Plane
-from batten.typing import BoolArray, FloatArray
+from batten.typing import BoolArray, FloatArray, IntArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,10 +138,10 @@ class ArmMotion:
 
     `poses`: (n, 4, 4), the tool centre point in the block's work frame, one per rod in cutting order (approach and leave
     poses are not among them). `joints_rad`: (n, 6). `spin_rad`: (n,), the chosen rotation about the blade's axis.
-    `reach_mm`, `joint_margin_rad`, `singularity`: (n,), the margins that were achieved; negative or NaN where the pose
-    cannot be reached. `approach`, `leave`: (4, 4) poses outside the block, with `approach_joints_rad`, `leave_joints_rad`
-    (6,). `configuration`: ABB's [cf1, cf4, cf6, cfx] for every pose, shape (n, 4), integers; the approach and leave
-    moves use those of the first and the last pose.
+    `reach_mm`, `joint_margin_rad`, `singularity` (0 at a singularity, at most 1), `conditioning` (the least singular
+    value of the Jacobian): (n,), the margins that were achieved; negative or NaN where the pose cannot be reached.
+    `approach`, `leave`: (4, 4) poses outside the block, with `approach_joints_rad`, `leave_joints_rad` (6,).
+    `configuration`: ABB's [cf1, cf4, cf6, cfx] for every pose, shape (n, 4), integers.
     """
 
     poses: FloatArray
@@ -150,11 +150,12 @@ class ArmMotion:
     reach_mm: FloatArray
     joint_margin_rad: FloatArray
     singularity: FloatArray
+    conditioning: FloatArray
     approach: FloatArray
     leave: FloatArray
     approach_joints_rad: FloatArray
     leave_joints_rad: FloatArray
-    configuration: FloatArray
+    configuration: IntArray
 
 
 @dataclass(frozen=True, eq=False)
