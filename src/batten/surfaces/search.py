@@ -83,9 +83,9 @@ def closest_parameters(
     Raises:
         InvalidInputError: points that are not (…, 3), a negative `extend`.
 
-    Accuracy: a local minimum, to about 1e-8 of the domain's width, so that the distance itself is right to rounding. It
-    is the least one where the point is nearer to the surface than to its centres of curvature and the samples are
-    closer together than the surface's waves.
+    Accuracy: a local minimum, to about 1e-8 of the domain's width or better, and the distance to it to about 1e-12 of the
+    surface's size. It is the least one where the point is nearer to the surface than to its centres of curvature and
+    the samples are closer together than the surface's waves.
 
     Example:
         >>> flat = BSplineSurface([0, 0, 2, 2], [0, 0, 1, 1], 1, 1, [[(0, 0, 0), (0, 3, 0)], [(4, 0, 0), (4, 3, 0)]])
@@ -95,6 +95,7 @@ def closest_parameters(
     """
     wanted, shape = _rows(points)
     low, high = _bounds(surface, extend)
+    size = np.maximum(np.abs(surface.control_points).max(), np.abs(wanted).max(axis=1, initial=0.0))
 
     def evaluate(rows: IntArray, at: FloatArray) -> tuple[FloatArray, FloatArray, BoolArray]:
         d = surface.derivatives(at[:, 0], at[:, 1], 2, extend=np.inf)
@@ -111,7 +112,7 @@ def closest_parameters(
         step = -_solve(second[:, :2], second[:, 1:], first)
         length = np.sqrt(metric[:, 0]) * np.abs(step[:, 0]) + np.sqrt(metric[:, 2]) * np.abs(step[:, 1])
         distance = np.sqrt(_dot(miss, miss))
-        return distance, step, length <= 1e-9 * (np.linalg.norm(d[0, 0], axis=1) + distance)
+        return distance, step, length <= 1e-8 * size[rows]
 
     at, _ = _newton(_nearest_samples(surface, np.eye(3), wanted), low, high, evaluate)
     return at[:, 0].reshape(shape), at[:, 1].reshape(shape)
@@ -126,7 +127,8 @@ def _newton(
     """Parameters of least merit from `start`, (N, 2), between `low` and `high`, and that merit, (N,).
 
     `evaluate(rows, at)` gives merit, Newton step and whether to stop, for those rows. A step that does not lower the
-    merit is halved until it does; a row whose steps no longer help has arrived at rounding, or at a minimum.
+    merit is halved until it does; a row whose steps no longer help has arrived at rounding, or at a minimum. The step
+    at which a row stops is taken, for Newton doubles the digits.
     """
     best = start.copy()
     merit = np.full(len(start), np.inf)
@@ -141,6 +143,8 @@ def _newton(
         best[rows], merit[rows], shrink[rows] = trial[better], value[better], 1.0
         step[rows] = np.where(np.isfinite(new_step[better]), new_step[better], 0.0)
         shrink[active[~better]] *= 0.5
+        arrived = active[better & stop]
+        best[arrived] = np.clip(best[arrived] + step[arrived], low, high)
         active = active[~(better & stop) & (shrink[active] >= _LEAST_SHRINK)]
         if len(active) == 0:
             break
