@@ -119,8 +119,8 @@ def make_motion(block, frame, rods, rng):
         arms.append(
             ArmMotion(
                 poses, rng.uniform(-1.0, 1.0, (n, 6)), rng.uniform(-1.0, 1.0, n), rng.uniform(10.0, 300.0, n), margins,
-                rng.uniform(0.1, 1.0, n), edge, edge.copy(), rng.uniform(size=6), rng.uniform(size=6),
-                rng.integers(-1, 2, (n, 4)),
+                rng.uniform(0.1, 1.0, n), rng.uniform(0.1, 1.0, n), edge, edge.copy(), rng.uniform(size=6),
+                rng.uniform(size=6), rng.integers(-1, 2, (n, 4)),
             )
         )  # fmt: skip
     return BlockMotion(block, chosen, arms[0], arms[1], 20.0)

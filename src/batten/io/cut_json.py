@@ -333,13 +333,10 @@ def _check_in(data: Mapping[str, Any]) -> CheckResult:
     )
 
 
-_ARM_SHAPES: dict[str, tuple[int, ...]] = {
+_ARM_FIELDS = tuple(field.name for field in dataclasses.fields(ArmMotion))
+_ARM_SHAPES: dict[str, tuple[int, ...]] = {  # of those that are not one number a pose
     "poses": (-1, 4, 4),
     "joints_rad": (-1, 6),
-    "spin_rad": (-1,),
-    "reach_mm": (-1,),
-    "joint_margin_rad": (-1,),
-    "singularity": (-1,),
     "approach": (4, 4),
     "leave": (4, 4),
     "approach_joints_rad": (6,),
@@ -349,11 +346,11 @@ _ARM_SHAPES: dict[str, tuple[int, ...]] = {
 
 
 def _arm_out(arm: ArmMotion) -> dict[str, Any]:
-    return {key: _numbers_out(getattr(arm, key)) for key in _ARM_SHAPES}
+    return {key: _numbers_out(getattr(arm, key)) for key in _ARM_FIELDS}
 
 
 def _arm_in(data: Mapping[str, Any]) -> ArmMotion:
-    arrays: dict[str, Any] = {key: _numbers_in(data[key], *shape) for key, shape in _ARM_SHAPES.items()}
+    arrays: dict[str, Any] = {key: _numbers_in(data[key], *_ARM_SHAPES.get(key, (-1,))) for key in _ARM_FIELDS}
     return ArmMotion(**(arrays | {"configuration": arrays["configuration"].astype(np.int64)}))
 
 

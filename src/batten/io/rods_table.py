@@ -2,7 +2,7 @@
 
 Wall frame, mm. Both tangents point from the left end to the right end of the rod, the normal is the way the blade is
 swept; all three are unit vectors. Positions and lengths have 6 decimals (1 nm), unit vectors 9: a rod rebuilt from its
-line, as the elastica of that length through these ends and tangents, lies within 0.001 mm of the planned one for rods
+line, as the elastica of that length through these ends and tangents, lies within 0.0001 mm of the planned one for rods
 that bow 1 mm or more over 1 m (straighter ones lose in proportion, for there a rod's bow hangs on its length).
 Rods of refused leaves are not in the table.
 """

@@ -1,0 +1,261 @@
+"""report.html: one self-contained page on a cut, for an engineer to read and sign. It holds no date: sign and date it."""
+
+from __future__ import annotations
+
+import html
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from importlib import resources
+from pathlib import Path
+
+import numpy as np
+
+from batten.fabrication.job import CutJob
+from batten.fabrication.plan import CheckResult, CutPlan
+from batten.io.cut_json import software_name
+from batten.io.report_maps import ABSENT, BROKEN, RAMP, check_map
+from batten.io.report_numbers import (
+    RodNumbers,
+    critical_rod,
+    leaf_ranges,
+    rod_numbers,
+    use_of_limit,
+    wall_order,
+)
+from batten.io.report_tables import amount, force_rows, job_tables, leaf_rows, quantity, table
+
+_PICTURES = (  # key, heading, what is seen
+    (
+        "wall",
+        "The wall",
+        "All leaves within their blocks, coloured by the distance of the planned cut from the given surface. "
+        "Numbers are those of the blocks.",
+    ),
+    ("block", "One block", ""),
+    (
+        "strain",
+        "Curvature and strain",
+        "Every rod from gripper to gripper, one line each. The limit holds on the whole rod, not only inside the block.",
+    ),
+    ("forces", "Forces at the grippers", "From EI and the elastica: the force is the same at both ends of a rod."),
+)
+
+
+def write_report(
+    path: str | Path, plan: CutPlan, job: CutJob, *, pictures: bool = True, files: Mapping[str, str] | None = None
+) -> None:
+    """Write the report.
+
+    Parameters:
+        path: the HTML file to write, overwritten if it exists.
+        plan: the plan; refused leaves included.
+        job: the job that it answers.
+        pictures: whether to draw the four large pictures; the maps of the checks are always there.
+        files: SHA-256 of the other files of the cut by their names, to be listed at the end.
+    """
+    Path(path).write_text(report_html(plan, job, pictures=pictures, files=files or {}), encoding="utf-8", newline="\n")
+
+
+def report_html(plan: CutPlan, job: CutJob, *, pictures: bool, files: Mapping[str, str]) -> str:
+    """The report's text: well-formed XML after its first line, nothing in it refers to anything outside of it."""
+    style = resources.files("batten.io").joinpath("report.css").read_text(encoding="utf-8")
+    title = html.escape(plan.name)
+    body = [_header(plan, job), _verdict(plan)]
+    if plan.rods:
+        numbers = rod_numbers(plan, job)
+        drawn = _picture_sections(plan, job, numbers) if pictures else ("",) * len(_PICTURES)
+        wall, *others = drawn
+        body += [_figures(plan, job, numbers), wall, _checks(plan), _maps(plan), _leaves(plan), *others]
+        body += [_forces(plan, numbers)]
+    body += [_direction(plan), _job(job), _files(files), _signature()]
+    return (
+        f'<!DOCTYPE html>\n<html lang="en" xmlns="http://www.w3.org/1999/xhtml">\n<head>\n<meta charset="utf-8" />\n'
+        f'<meta name="viewport" content="width=device-width" />\n<title>{title} – cut report</title>\n'
+        f"<style>\n{style}</style>\n</head>\n<body>\n" + "\n".join(body) + "\n</body>\n</html>\n"
+    )
+
+
+def _header(plan: CutPlan, job: CutJob) -> str:
+    source = html.escape(job.surface.source.name) if job.surface.file or job.surface.curves else "no file"
+    return (
+        f'<header><div><p class="kind">Cut report</p><h1>{html.escape(plan.name)}</h1></div>'
+        f'<p class="meta">{html.escape(software_name())}<br />surface: {source}</p></header>'
+    )
+
+
+def verdict(plan: CutPlan) -> tuple[bool, str, str]:
+    """Whether the plan is whole, its headline, and one sentence more."""
+    leaves = len({r.leaf for r in plan.rods})
+    refused = plan.refused_leaves
+    broken = [c for c in plan.checks if not c.passed.all()]
+    hard = [
+        c
+        for c in broken
+        if c.hard and not all(c.passed[i] or plan.rods[i].status == "refused" for i in range(len(plan.rods)))
+    ]
+    remarks = [c for c in broken if not c.hard]
+    soft = f" Worth a look: {_titles(remarks)}." if remarks else ""
+    if not plan.rods:
+        return False, "There is nothing to cut", "The plan holds no rod."
+    if refused:
+        head = f"{len(refused)} of {leaves} leaves refused"
+        which = f"{'leaf' if len(refused) == 1 else 'leaves'} {leaf_ranges(refused)}"
+        more = f"Not cut: {which}. The robot program leaves them out."
+        return False, head, more + soft
+    if hard:
+        return False, "A limit is broken", f"Beyond their limit: {_titles(hard)}." + soft
+    return True, "Can be cut", f"All {leaves} leaves ({len(plan.rods)} rods) keep every hard limit.{soft}"
+
+
+def _titles(checks: Iterable[CheckResult]) -> str:
+    counts = ((c.title, int((~c.passed).sum())) for c in checks)
+    return ", ".join(f"{title} ({count} rod{'' if count == 1 else 's'})" for title, count in counts)
+
+
+def _verdict(plan: CutPlan) -> str:
+    good, head, more = verdict(plan)
+    return (
+        f'<section class="verdict {"good" if good else "bad"}"><strong>{"✓" if good else "✗"} {html.escape(head)}</strong>'
+        f"<p>{html.escape(more)}</p></section>"
+    )
+
+
+def _figures(plan: CutPlan, job: CutJob, numbers: RodNumbers) -> str:
+    corners = np.array([b.corner_mm for b in plan.blocks])
+    size = (np.array([b.corner_mm + b.size_mm for b in plan.blocks]).max(axis=0) - corners.min(axis=0)) / 1000.0
+    deviation = max(float(d.max()) for d in numbers.deviation_mm)
+    moment = max(float(np.abs(m).max()) for m in (numbers.moment_left_nmm, numbers.moment_right_nmm))
+    entries = [
+        ("wall", f"{size[0]:.3g} × {size[1]:.3g}", "m"),
+        ("blocks", str(len(plan.blocks)), ""),
+        ("leaves", str(len({r.leaf for r in plan.rods})), f"{len(plan.refused_leaves)} refused"),
+        ("rods", str(len(plan.rods)), f"{len({r.leaf for r in plan.rods if r.repair})} leaves repaired"),
+        ("greatest deviation", amount(deviation), f"mm of {job.leaves.tolerance_mm:g}"),
+        ("greatest strain", amount(100.0 * float(np.abs(numbers.strain).max())), f"% of {100 * job.rod.max_strain:g}"),
+        ("greatest force", amount(float(numbers.force_n.max())), "N"),
+        ("greatest moment", amount(moment / 1000.0), "N·m"),
+    ]
+    cells = "".join(
+        f"<div><dt>{name}</dt><dd>{value} <small>{unit}</small></dd></div>" for name, value, unit in entries
+    )
+    return f'<dl class="figures">{cells}</dl>'
+
+
+def _checks(plan: CutPlan) -> str:
+    rows = [_check_row(plan, check) for check in plan.checks]
+    head = ("check", "", "limit", "worst", "margin", "limit used", "where", "rods beyond")
+    return "<section><h2>Checks</h2>" + table(head, rows, numbers=(2, 3, 4, 7)) + "</section>"
+
+
+def _check_row(plan: CutPlan, check: CheckResult) -> list[str]:
+    note = f'<span class="note">{html.escape(check.note)}</span>' if check.note else ""
+    title = html.escape(check.title) + note
+    sign = "≤" if check.sense == "max" else "≥"
+    limit = f"{sign} {check.limit:.6g} {html.escape(check.unit)}".strip()
+    worst = check.worst
+    if worst < 0:
+        return [title, '<span class="mark mild">– none</span>', limit, "–", "–", "", "applies to no rod", "0"]
+    broken = int((~check.passed).sum())
+    good, mild = '<span class="mark">✓ pass</span>', '<span class="mark mild">! remark</span>'
+    mark = good if not broken else '<span class="mark bad">✗ fail</span>' if check.hard else mild
+    rod = plan.rods[worst]
+    use = float(use_of_limit(check)[worst])
+    width = min(100.0, 100.0 * use) if math.isfinite(use) else 100.0
+    colour = ' class="bad"' if use > 1.0 else ""
+    bar = f'<span class="bar"><i{colour} style="width:{width:.0f}%"></i></span>'
+    where = f'<span class="whole">leaf {rod.leaf}, block {rod.block}</span>'
+    worst_text, margin = (quantity(float(v[worst]), check.unit) for v in (check.values, check.margins))
+    return [title, mark, limit, worst_text, margin, bar, where, f"{broken} of {len(plan.rods)}"]
+
+
+def _maps(plan: CutPlan) -> str:
+    order = wall_order(plan)
+    figures = "".join(
+        f'<figure><figcaption>{html.escape(check.title)}</figcaption><img alt="{html.escape(check.title)}, over the wall" '
+        f'src="{check_map(plan, order, check)}" /></figure>'
+        for check in plan.checks
+    )
+    ramp = ", ".join("rgb({},{},{})".format(*colour) for colour in RAMP)
+    red, grey = ("rgb({},{},{})".format(*c) for c in (BROKEN, ABSENT))
+    legend = (
+        f'<p class="legend">none of the limit used <b style="background:linear-gradient(90deg, {ramp})"></b> all of it '
+        f'<u style="background:{red}"></u> beyond it <u style="background:{grey}"></u> does not apply</p>'
+    )
+    about = "The wall in plan, x to the right and y up, one cell for each leaf in each block."
+    return f'<section><h2>Where</h2><p>{about}</p>{legend}<div class="maps">{figures}</div></section>'
+
+
+def _leaves(plan: CutPlan) -> str:
+    rows, hidden = leaf_rows(plan)
+    if not rows:
+        return (
+            "<section><h2>Refused and repaired leaves</h2><p>None: every leaf was taken as it was given.</p></section>"
+        )
+    more = f'<p class="soft">{hidden} more repaired leaves: in cut.json.</p>' if hidden else ""
+    body = table(("leaves", "blocks", "", "what and why"), rows, numbers=())
+    return f"<section><h2>Refused and repaired leaves</h2>{body}{more}</section>"
+
+
+def _picture_sections(plan: CutPlan, job: CutJob, numbers: RodNumbers) -> Sequence[str]:
+    from batten.io.report_pictures import draw_pictures  # matplotlib takes half a second to load
+
+    featured, check = critical_rod(plan)
+    rod = plan.rods[featured]
+    least = f" It has the least margin of all: {check.title.lower()}." if check is not None else ""
+    about = f"Block {rod.block} with leaf {rod.leaf}.{least} Pictured in the block's work frame: blade to the right."
+    drawn = draw_pictures(plan, job, numbers, featured)
+    sections = []
+    for key, heading, text in _PICTURES:
+        address = drawn[key]
+        caption = html.escape(text or about)
+        sections.append(
+            f'<section class="picture"><h2>{heading}</h2><p>{caption}</p>'
+            f'<figure class="wide"><img alt="{heading}" src="{address}" /></figure></section>'
+        )
+    return sections
+
+
+def _forces(plan: CutPlan, numbers: RodNumbers) -> str:
+    head = ("block", "rods cut", "force, N", "at leaf", "left moment, N·m", "at leaf", "right moment, N·m", "at leaf")
+    rows = force_rows(plan, numbers)
+    body = table(head, rows, numbers=tuple(range(1, 8)))
+    about = "The greatest of each block; moments are positive counter-clockwise in the plane of the leaf."
+    return f"<section><h2>Gripper forces and moments by block</h2><p>{about}</p>{body}</section>"
+
+
+def _direction(plan: CutPlan) -> str:
+    facts = table(
+        ("fact", "value"),
+        [[html.escape(key.replace("_", " ")), _fact(value)] for key, value in plan.facts.items()],
+        numbers=(1,),
+    )
+    reason = html.escape(plan.direction_reason)
+    shown = f'<div class="two">{facts}</div>' if plan.facts else ""
+    return f"<section><h2>Direction and plan</h2><p>Blade along {plan.blade_axis}. {reason}</p>{shown}</section>"
+
+
+def _fact(value: float | int | str) -> str:
+    return html.escape(amount(value) if isinstance(value, float) else str(value))
+
+
+def _job(job: CutJob) -> str:
+    return f'<section><h2>The job as read</h2><div class="two">{job_tables(job)}</div></section>'
+
+
+def _files(files: Mapping[str, str]) -> str:
+    if not files:
+        return ""
+    rows = [[f"<code>{html.escape(name)}</code>", f"<code>{sha[:16]}</code>"] for name, sha in sorted(files.items())]
+    half = (len(rows) + 1) // 2
+    halves = "".join(
+        table(("file", "SHA-256 begins"), part, numbers=(1,)) for part in (rows[:half], rows[half:]) if part
+    )
+    about = (
+        "<p><code>batten check</code> on this folder compares every file with its sum and recomputes every check.</p>"
+    )
+    return f'<section><h2>Files</h2>{about}<div class="halves">{halves}</div></section>'
+
+
+def _signature() -> str:
+    fields = "".join(f"<div>{name}</div>" for name in ("checked by", "date", "signature"))
+    return f'<div class="sign">{fields}</div>'
