@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Protocol, runtime_checkable
 
+from batten.errors import InvalidInputError
 from batten.typing import ArrayLike, FloatArray
 
 
@@ -47,3 +48,9 @@ class Curve(Protocol):
     def breaks(self) -> FloatArray:
         """Parameters where the curve need not be smooth, ascending, 0 and 1 included; shape (n + 1,) for n pieces."""
         ...
+
+
+def check_order(order: int) -> None:
+    """Refuse orders of differentiation other than 1, 2 and 3: `InvalidInputError`."""
+    if order not in (1, 2, 3):
+        raise InvalidInputError(f"derivatives of order 1, 2 and 3 are defined; got {order}; for order 0 use point(t)")
