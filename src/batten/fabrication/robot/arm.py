@@ -148,7 +148,7 @@ class RobotArm:
         """
         q = np.asarray(joints_rad, dtype=np.float64)
         flat = np.ascontiguousarray(q.reshape(-1, 6))
-        bad = ~np.isfinite(flat).all(axis=1)
+        bad = np.asarray(~np.isfinite(flat).all(axis=1))
         flange = np.array(self._solver.batch_forward(np.where(bad[:, None], 0.0, flat)).as_matrix()).reshape(-1, 4, 4)
         flange[:, :3, 3] *= _METRE
         flange[bad] = np.nan
@@ -193,7 +193,7 @@ class RobotArm:
         """
         q = np.asarray(joints_rad, dtype=np.float64).reshape(-1, 6)
         flange = self._flange(self.forward(q))
-        bad = ~np.isfinite(flange).all(axis=(1, 2))
+        bad = np.asarray(~np.isfinite(flange).all(axis=(1, 2)))
         flange[bad] = np.eye(4)
         found = self._solver.reach(RigidTransform.from_matrix(flange))
         turn = np.array(found.joints) - np.where(bad[:, None], 0.0, q)[:, None]

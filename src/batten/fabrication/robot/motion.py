@@ -53,7 +53,7 @@ def grip_poses(positions_mm: ArrayLike, tangents: ArrayLike, normals: ArrayLike,
         raise InvalidInputError(
             "gripper frames must be finite, with tangents that are neither zero nor along the normal"
         )
-    z = z if side == "left" else -z
+    z = z if side == "left" else 0.0 - z  # no negative zeros
     poses = np.zeros((*p.shape[:-1], 4, 4))
     poses[..., :3, 0], poses[..., :3, 1], poses[..., :3, 2], poses[..., :3, 3] = x, np.cross(z, x), z, p
     poses[..., 3, 3] = 1.0
