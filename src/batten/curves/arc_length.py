@@ -10,18 +10,12 @@ from numpy.typing import NDArray
 
 from batten.curves.base import Curve
 from batten.errors import InvalidInputError
-from batten.kernels.quadrature import NODES_24, WEIGHTS_24, adaptive_panels
+from batten.kernels.quadrature import DEEPEST, NODES_24, WEIGHTS_24
 from batten.typing import ArrayLike, FloatArray
 
 _X = 2.0 * NODES_24 - 1.0
 # From values at the nodes to the Legendre coefficients of the interpolating polynomial on [−1, 1].
 _FIT = legendre.legvander(_X, 23).T * (2.0 * WEIGHTS_24) * (np.arange(24)[:, None] + 0.5)
-
-
-def speed(curve: Curve, t: ArrayLike) -> FloatArray:
-    """|γ'(t)|, shape (…)."""
-    d = curve.derivative(t)
-    return np.hypot(d[..., 0], d[..., 1])
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,21 +48,13 @@ class ArcLength:
 
     @classmethod
     def of(cls, curve: Curve, tolerance: float = 1e-13) -> ArcLength:
-        """Measure a curve; pieces are halved until the integrals of γ' and |γ'| are known to `tolerance` × the length.
+        """Measure a curve; pieces are halved until γ' and |γ'| are polynomials of degree 23 on each, to `tolerance`.
 
         Raises:
             InvalidInputError: a curve of length 0 or one that is not finite.
         """
-
-        def integrands(t: FloatArray) -> FloatArray:
-            # The speed, and the direction with it: the sums are all of the size of the speed.
-            d = curve.derivative(t)
-            v = np.hypot(d[..., 0], d[..., 1])
-            return np.stack([v, v + 0.5 * d[..., 0], v + 0.5 * d[..., 1]])
-
-        edges, _ = adaptive_panels(integrands, curve.breaks(), tolerance)
+        edges, values = _resolved_panels(curve, tolerance)
         half = 0.5 * np.diff(edges)
-        values = speed(curve, edges[:-1, None] + 2.0 * half[:, None] * NODES_24)
         slopes = (values * half[:, None]) @ _FIT.T
         coefficients = legendre.legint(slopes, lbnd=-1, axis=1)
         pieces = 2.0 * half * (values @ WEIGHTS_24)
@@ -119,11 +105,36 @@ class ArcLength:
                 new = old - error / slope
             new = np.where((new >= low[todo]) & (new <= high[todo]), new, 0.5 * (low[todo] + high[todo]))
             x[todo] = new
-            todo = todo[(np.abs(new - old) > 1e-15) & (np.abs(error) > 1e-16 * size[todo])]
+            todo = todo[(np.abs(new - old) > 2e-15) & (np.abs(error) > 2e-15 * size[todo])]
             if todo.size == 0:
                 break
         left, right = self.edges[piece], self.edges[piece + 1]
         return np.clip(left + 0.5 * (x + 1.0) * (right - left), left, right).reshape(shape)
+
+
+def _resolved_panels(curve: Curve, tolerance: float) -> tuple[FloatArray, FloatArray]:
+    """Edges (n + 1,) of panels where the last Legendre coefficients of γ' and |γ'| are small, and |γ'| at their nodes."""
+    breaks = np.asarray(curve.breaks(), dtype=np.float64)
+    left, right = breaks[:-1], breaks[1:]
+    starts, speeds = [], []
+    length = 0.0
+    for depth in range(DEEPEST + 1):
+        width = right - left
+        first = curve.derivative(left[:, None] + width[:, None] * NODES_24)
+        v = np.hypot(first[..., 0], first[..., 1])
+        length = max(length, float((v @ WEIGHTS_24) @ width))
+        tails = np.stack([v, first[..., 0], first[..., 1]]) @ _FIT[-4:].T * width[:, None]
+        # NaN and a length of 0 pass: there is nothing to resolve. So many panels come from rounding noise alone.
+        bad = (np.abs(tails) > tolerance * length).any(axis=(0, 2)) & (depth < DEEPEST) & (left.size <= 1024)
+        starts.append(left[~bad])
+        speeds.append(v[~bad])
+        if not bad.any():
+            break
+        middle = 0.5 * (left + right)[bad]
+        left, right = np.concatenate([left[bad], middle]), np.concatenate([middle, right[bad]])
+    joined = np.concatenate(starts)
+    order = np.argsort(joined)
+    return np.append(joined[order], breaks[-1]), np.concatenate(speeds)[order]
 
 
 def _local(t: FloatArray, edges: FloatArray, piece: NDArray[np.intp]) -> FloatArray:
@@ -133,4 +144,5 @@ def _local(t: FloatArray, edges: FloatArray, piece: NDArray[np.intp]) -> FloatAr
 
 def _series(x: FloatArray, coefficients: FloatArray) -> FloatArray:
     """Legendre series with one row of coefficients for each x."""
-    return np.asarray((legendre.legvander(x, coefficients.shape[-1] - 1) * coefficients).sum(axis=-1))
+    basis = legendre.legvander(x, coefficients.shape[-1] - 1).reshape(coefficients.shape)
+    return np.asarray((basis * coefficients).sum(axis=-1))
