@@ -12,7 +12,6 @@ import json
 import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path, PurePosixPath
 from typing import Any, TypeVar
 
@@ -22,6 +21,7 @@ from batten.curves.elastica import Elastica
 from batten.errors import FormatError
 from batten.fabrication.job import CutJob
 from batten.fabrication.plan import ArmMotion, Block, BlockMotion, CheckResult, CutPlan, RodPlacement
+from batten.io.software import software_name
 from batten.surfaces.plane import Plane
 from batten.typing import FloatArray
 
@@ -50,14 +50,6 @@ class StoredCut:
     job: CutJob
     software: str
     files: dict[str, str]
-
-
-def software_name() -> str:
-    """ "batten" and its version, as files and reports state it."""
-    try:
-        return f"batten {version('batten')}"
-    except PackageNotFoundError:  # run from a source folder that was never installed
-        return "batten (not installed)"
 
 
 def write_cut_json(path: str | Path, plan: CutPlan, job: CutJob, files: Mapping[str, str]) -> None:

@@ -12,7 +12,6 @@ import numpy as np
 
 from batten.fabrication.job import CutJob
 from batten.fabrication.plan import CheckResult, CutPlan
-from batten.io.cut_json import software_name
 from batten.io.report_maps import ABSENT, BROKEN, RAMP, check_map
 from batten.io.report_numbers import (
     RodNumbers,
@@ -23,6 +22,7 @@ from batten.io.report_numbers import (
     wall_order,
 )
 from batten.io.report_tables import amount, force_rows, job_tables, leaf_rows, quantity, table
+from batten.io.software import software_name
 
 _PICTURES = (  # key, heading, what is seen
     (

@@ -119,7 +119,8 @@ def draw_wall(plan: CutPlan, job: CutJob, numbers: RodNumbers) -> str:
     for block in plan.blocks:
         _block_outline(ax, block, plan, curves, axes3)
     _axes_cross(ax, axes3, size)
-    _wall_legend(figure, job.leaves.tolerance_mm, bool(numbers.refused.any()))
+    beyond = any(float(d.max()) > job.leaves.tolerance_mm for d in numbers.deviation_mm)
+    _wall_legend(figure, job.leaves.tolerance_mm, bool(numbers.refused.any()), beyond)
     return _png(figure)
 
 
@@ -186,10 +187,10 @@ def _axes_cross(ax: Any, axes3: FloatArray, size: FloatArray) -> None:
         ax.annotate("", origin + arm, origin, arrowprops=style)
         ax.text(*(origin + 1.15 * arm), name, color=SOFT, ha="center", va="center")
     ends = origin + 1.15 * np.concatenate([arms, [[0.0, 0.0]]])
-    ax.text(*ends.min(axis=0), f"arrows: {length:g} mm", color=SOFT, va="top")
+    ax.text(*(ends.min(axis=0) - [0.0, 0.012 * size[0]]), f"arrows: {length:g} mm", color=SOFT, va="top")
 
 
-def _wall_legend(figure: Figure, limit: float, refused: bool) -> None:
+def _wall_legend(figure: Figure, limit: float, refused: bool, beyond: bool) -> None:
     bar = figure.add_axes((0.755, 0.925, 0.215, 0.018))
     bar.imshow(np.linspace(0.0, 1.0, 128)[None, :], cmap=_LINES, aspect="auto", extent=(0.0, limit, 0.0, 1.0))
     bar.set_yticks([])
@@ -198,8 +199,10 @@ def _wall_legend(figure: Figure, limit: float, refused: bool) -> None:
     bar.set_title("deviation from the surface, mm", loc="left", pad=4)
     for spine in bar.spines.values():
         spine.set_visible(False)
-    figure.text(0.755, 0.865, "━", color=RED, va="center", weight="bold")
-    figure.text(0.778, 0.865, "refused, or beyond the tolerance" if refused else "beyond the tolerance", va="center")
+    red = " or ".join(text for text, shown in (("refused", refused), ("beyond the tolerance", beyond)) if shown)
+    if red:
+        figure.text(0.755, 0.865, "━", color=RED, va="center", weight="bold")
+        figure.text(0.778, 0.865, red, va="center")
 
 
 # One block in its work frame: plan above, front below it, side to the right of the front; one scale for all three.

@@ -107,9 +107,9 @@ def make_motion(block, frame, rods, rng):
         poses = np.tile(np.eye(4), (len(chosen), 1, 1))
         for pose, i in zip(poses, chosen):
             gripper = rods[i].grippers()[side]
-            z = np.cross(gripper.tangent, gripper.normal)
+            z = gripper.tangent if side == 0 else -gripper.tangent  # out of the gripper, into the rod
             world = np.eye(4)
-            world[:3, :3] = np.stack([gripper.tangent, gripper.normal, z], axis=1)
+            world[:3, :3] = np.stack([gripper.normal, np.cross(z, gripper.normal), z], axis=1)
             world[:3, 3] = gripper.position_mm
             pose[:] = inverse @ world
         n = len(chosen)
