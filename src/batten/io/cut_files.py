@@ -63,34 +63,50 @@ def write_cut(
         LimitError: a pose of a rod that is to be cut is out of reach.
         OSError: the drive is full or not writable. In all these cases nothing is left behind.
     """
+    try:
+        with written_whole(out, files_of_cut) as folder:
+            _write_all(folder, plan, job, surface, cell, pictures, progress)
+            return file_sums(folder)
+    except OSError as error:  # name the folder that was asked for, not the hidden one beside it
+        reason = error.strerror or "is the drive full, or not writable?"
+        raise OSError(error.errno, f"cannot be written ({reason})", str(out)) from error
+
+
+def _write_all(
+    folder: Path,
+    plan: CutPlan,
+    job: CutJob,
+    surface: BSplineSurface | None,
+    cell: RobotCell,
+    pictures: bool,
+    progress: Progress | None,
+) -> None:
     from batten.io.rapid import rapid_program
     from batten.io.report import write_report
     from batten.io.rhino import write_cut_3dm
 
-    steps = ("rods.csv", "robot program", "cut.3dm", "report", "cut.json")
-
-    def tell(step: str) -> None:
-        if progress is not None:
-            progress("write files", steps.index(step), len(steps))
-
-    with written_whole(out, files_of_cut) as folder:
-        tell("rods.csv")
+    def tables() -> None:
         _keep_input(job, folder)
         write_rods_csv(folder / RODS, plan)
-        tell("robot program")
+
+    def robot_program() -> None:
         (folder / RAPID_FOLDER).mkdir()
         for name, text in rapid_program(plan, cell).items():
             (folder / RAPID_FOLDER / name).write_text(text, encoding="ascii", newline="\n")
-        tell("cut.3dm")
-        write_cut_3dm(plan, folder / MODEL, surface)
-        tell("report")
-        write_report(folder / REPORT, plan, job, pictures=pictures, files=file_sums(folder))
-        tell("cut.json")
-        sums = file_sums(folder)
-        write_cut_json(folder / FILE_NAME, plan, job, sums)
+
+    steps: tuple[Callable[[], None], ...] = (
+        tables,
+        robot_program,
+        lambda: write_cut_3dm(plan, folder / MODEL, surface),
+        lambda: write_report(folder / REPORT, plan, job, pictures=pictures, files=file_sums(folder)),
+        lambda: write_cut_json(folder / FILE_NAME, plan, job, file_sums(folder)),
+    )
+    for done, step in enumerate(steps):
         if progress is not None:
-            progress("write files", len(steps), len(steps))
-    return sums
+            progress("write files", done, len(steps))
+        step()
+    if progress is not None:
+        progress("write files", len(steps), len(steps))
 
 
 def file_sums(folder: Path) -> dict[str, str]:
