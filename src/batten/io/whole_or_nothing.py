@@ -39,6 +39,9 @@ def written_whole(folder: str | Path, made_by_us: Callable[[Path], frozenset[str
     """
     target = Path(folder).resolve()
     old = target.with_name(f".{target.name}{_OLD}")
+    ground = next(p for p in target.parents if p.exists())
+    if not ground.is_dir():
+        raise InvalidInputError(f"{target}: {ground} is a file and can hold no folder; give another place")
     made_parents = [p for p in target.parents if not p.exists()]
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
