@@ -35,8 +35,8 @@ def sample_middle(mid, fractions, s, values, jac):
 
 
 @njit(cache=True, no_cfunc_wrapper=True)
-def lagrangian(mid, points, theta, weights, fractions, h1, ends, m, nu, work_s, values, jac, grad, gauss, c, a):
-    """F = ½ Σ w |γ − x|² (+ ½ Σ w (θ_γ − θ)² for H¹), its gradient (7,) and Gauss–Newton matrix (7, 7).
+def lagrangian(mid, points, theta, weights, fractions, h1, ridge, ends, m, nu, work_s, values, jac, grad, gauss, c, a):
+    """F = ½ Σ w |γ − x|² (+ ½ Σ w (θ_γ − θ)² for H¹) + ½ ridge |λ|², its gradient (7,), Gauss–Newton matrix (7, 7).
 
     The first and last entries of `fractions` are 0 and 1, with weight 0: there the end conditions are read off, residuals
     into c (6,), derivatives into a (6, 7), m of them (0 none, 4 points, 6 points and tangents). ν·∂c is added to `grad`.
@@ -59,6 +59,10 @@ def lagrangian(mid, points, theta, weights, fractions, h1, ends, m, nu, work_s, 
                 grad[k] += ja * d
                 for b in range(k + 1):
                     gauss[k, b] += ja * jac[i, r, b]
+    for k in range(4, 6):
+        total += 0.5 * ridge * mid[k] * mid[k]
+        grad[k] += ridge * mid[k]
+        gauss[k, k] += ridge
     for k in range(7):
         for b in range(k):
             gauss[b, k] = gauss[k, b]
@@ -73,12 +77,12 @@ def lagrangian(mid, points, theta, weights, fractions, h1, ends, m, nu, work_s, 
 
 
 @njit(cache=True, no_cfunc_wrapper=True)
-def _objective(mid, points, theta, weights, fractions, h1, s, values):
+def _objective(mid, points, theta, weights, fractions, h1, ridge, s, values):
     n = weights.shape[0]
     for i in range(n):
         s[i] = (fractions[i] - 0.5) * mid[6]
     evaluate(mid[0], mid[1], mid[2], elastica_constants(mid[2], mid[3], mid[4], mid[5]), s, values)
-    total = 0.0
+    total = ridge * (mid[4] ** 2 + mid[5] ** 2)
     for i in range(1, n - 1):
         dx, dy = values[i, 0] - points[i, 0], values[i, 1] - points[i, 1]
         d = dx * dx + dy * dy
@@ -133,7 +137,7 @@ def restore(out, tips, ends, m, s, values, jac, c, a):
 
 
 @njit(cache=True, no_cfunc_wrapper=True)
-def _reduce(model, grad, gauss, a, m, nu, scale, basis, eigen, slope):
+def _reduce(model, grad, gauss, a, m, only_multipliers, nu, scale, basis, eigen, slope):
     """Scaled model in the null space of the constraints: eigenvectors, |eigenvalues|, and gradient along them.
 
     Also the least-squares multipliers ν. False if the constraints are dependent.
@@ -165,6 +169,8 @@ def _reduce(model, grad, gauss, a, m, nu, scale, basis, eigen, slope):
                 else:
                     for k in range(7):
                         project[k, col] -= a[j, k] * scale[k] * rhs[j]
+    if only_multipliers:
+        return True
     scaled, half = np.empty((7, 7)), np.empty((7, 7))
     for i in range(7):
         for j in range(7):
@@ -188,15 +194,21 @@ def _reduce(model, grad, gauss, a, m, nu, scale, basis, eigen, slope):
 
 
 @njit(cache=True, no_cfunc_wrapper=True)
-def fit_from(mid, points, theta, weights, fractions, ends, m, h1, max_iterations, out):
-    """Fit from one start; (status, F, iterations, √(predicted decrease)); result in `out` (7,).
+def fit_from(mid, points, theta, weights, fractions, ends, m, h1, ridge, max_iterations, out):
+    """Fit from one start; (status, F with the ridge, iterations, √(predicted decrease)); result in `out` (7,).
 
     Rows of the samples as for `lagrangian`. m: number of end conditions.
     """
     n = weights.shape[0]
     s, values, jac = np.empty(n), np.empty((n, 4)), np.empty((n, 3, 7))
     tips = np.array([0.0, 1.0])
-    grad, other, gauss, gauss_other, model = np.empty(7), np.empty(7), np.empty((7, 7)), np.empty((7, 7)), np.empty((7, 7))
+    grad, other, gauss, gauss_other, model = (
+        np.empty(7),
+        np.empty(7),
+        np.empty((7, 7)),
+        np.empty((7, 7)),
+        np.empty((7, 7)),
+    )
     c, a, a_other, nu, zero = np.zeros(6), np.zeros((6, 7)), np.zeros((6, 7)), np.zeros(6), np.zeros(6)
     grad_nu = np.empty(7)
     basis, eigen, slope, scale = np.empty((7, 7)), np.empty(7), np.empty(7), np.empty(7)
@@ -206,10 +218,10 @@ def fit_from(mid, points, theta, weights, fractions, ends, m, h1, max_iterations
         return FIT_INFEASIBLE, math.inf, 0, math.inf
     mu, newton, slow, optimality = 1e-3, False, 0, math.inf
     for iteration in range(max_iterations):
-        value = lagrangian(out, points, theta, weights, fractions, h1, ends, m, zero, s, values, jac, grad, gauss, c, a)
+        value = lagrangian(out, points, theta, weights, fractions, h1, ridge, ends, m, zero, s, values, jac, grad, gauss, c, a)
         if not math.isfinite(value):
             return FIT_BAD, math.inf, iteration, math.inf
-        if not _reduce(gauss, grad, gauss, a, m, nu, scale, basis, eigen, slope):
+        if not _reduce(gauss, grad, gauss, a, m, newton, nu, scale, basis, eigen, slope):
             return FIT_ITERATIONS, value, iteration, optimality
         if newton:
             grad_nu[:] = grad
@@ -221,7 +233,23 @@ def fit_from(mid, points, theta, weights, fractions, ends, m, h1, max_iterations
                 trial[:] = out
                 trial[k] += h
                 lagrangian(
-                    trial, points, theta, weights, fractions, h1, ends, m, nu, s, values, jac, other, gauss_other, c, a_other
+                    trial,
+                    points,
+                    theta,
+                    weights,
+                    fractions,
+                    h1,
+                    ridge,
+                    ends,
+                    m,
+                    nu,
+                    s,
+                    values,
+                    jac,
+                    other,
+                    gauss_other,
+                    c,
+                    a_other,
                 )
                 for i in range(7):
                     model[i, k] = (other[i] - grad_nu[i]) / h
@@ -229,7 +257,7 @@ def fit_from(mid, points, theta, weights, fractions, ends, m, h1, max_iterations
                 for j in range(i):
                     model[i, j] = 0.5 * (model[i, j] + model[j, i])
                     model[j, i] = model[i, j]
-            _reduce(model, grad, gauss, a, m, nu, scale, basis, eigen, slope)
+            _reduce(model, grad, gauss, a, m, False, nu, scale, basis, eigen, slope)
         accepted, finished = False, False
         new = math.inf
         for _ in range(25):
@@ -250,7 +278,7 @@ def fit_from(mid, points, theta, weights, fractions, ends, m, h1, max_iterations
                 trial[k] += out[k]
             new = math.inf
             if 1e-6 < trial[6] < 50.0 and abs(trial[3]) < 1e4 and restore(trial, tips, ends, m, s, values, jac, c, a):
-                new = _objective(trial, points, theta, weights, fractions, h1, s, values)
+                new = _objective(trial, points, theta, weights, fractions, h1, ridge, s, values)
             if new < value:
                 if value - new > 0.75 * decrease:
                     mu = max(mu * 0.1, 1e-15)
@@ -272,4 +300,4 @@ def fit_from(mid, points, theta, weights, fractions, ends, m, h1, max_iterations
         slow = slow + 1 if value - new < 0.3 * value else 0
         if not newton and slow >= 2:
             newton, mu = True, min(mu, 1e-2)
-    return FIT_ITERATIONS, _objective(out, points, theta, weights, fractions, h1, s, values), max_iterations, optimality
+    return FIT_ITERATIONS, _objective(out, points, theta, weights, fractions, h1, ridge, s, values), max_iterations, optimality

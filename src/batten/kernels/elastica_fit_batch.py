@@ -55,11 +55,14 @@ def make_start(which, points, theta, kappa, weights, fractions, guess, mid):
 
 
 @njit(cache=True, no_cfunc_wrapper=True)
-def fit_batch(points, theta, kappa, weights, fractions, lengths, ends, m, h1, starts, max_iterations, params, info, status):
+def fit_batch(
+    points, theta, kappa, weights, fractions, lengths, ends, given, m, h1, ridge, starts, max_iterations, params, info, status
+):
     """Fit b sampled curves. Fills params (b, 7) about the middle, info (b, 7) and status (b,).
 
     Info: distance, R₁, R₂, R₃, R₄ of the canonical guess, iterations over all starts, √(predicted decrease). The samples
-    (see `CurveSamples`) may have any unit; everything inside is scaled to length 1. m: end conditions, 0, 4 or 6.
+    (see `CurveSamples`) may have any unit; everything inside is scaled to length 1. m: end conditions, 0, 4 or 6. A finite
+    row of `given` (b, 7), force form at the start, takes the place of the canonical guess. ridge: weight of |λ|²L⁴.
     """
     n = weights.shape[1]
     p, th, k, w, f = np.zeros((n + 2, 2)), np.zeros(n + 2), np.zeros(n + 2), np.zeros(n + 2), np.zeros(n + 2)
@@ -85,7 +88,12 @@ def fit_batch(points, theta, kappa, weights, fractions, lengths, ends, m, h1, st
         if not (math.isfinite(check) and length > 0.0):
             continue
         inner = slice(1, n + 1)
-        if initial_guess(p[inner], th[inner], k[inner], w[inner], f[inner], 1.0, e, guess, residuals) == GUESS_BAD:
+        if math.isfinite(given[b, 0]):
+            guess[0], guess[1], guess[2] = (given[b, 0] - x0) / length, (given[b, 1] - y0) / length, given[b, 2]
+            guess[3], guess[4], guess[5] = given[b, 3] * length, given[b, 4] * length**2, given[b, 5] * length**2
+            guess[6] = given[b, 6] / length
+            residuals[:] = math.nan
+        elif initial_guess(p[inner], th[inner], k[inner], w[inner], f[inner], 1.0, e, guess, residuals) == GUESS_BAD:
             guess[0] = math.nan
         for j in range(4):
             info[b, 1 + j] = residuals[j]
@@ -99,7 +107,7 @@ def fit_batch(points, theta, kappa, weights, fractions, lengths, ends, m, h1, st
             for stage in range(2 if which == 2 else 1):
                 first = which == 2 and stage == 0
                 state, value, iterations, optimality = fit_from(
-                    mid, p, th, w, f, e, m, h1 or first, 25 if first else max_iterations, trial
+                    mid, p, th, w, f, e, m, h1 or first, ridge, 25 if first else max_iterations, trial
                 )
                 info[b, 5] += iterations
                 if first:
@@ -117,7 +125,8 @@ def fit_batch(points, theta, kappa, weights, fractions, lengths, ends, m, h1, st
             if best < 1e-24:
                 break
         if math.isfinite(best):
-            info[b, 0] = math.sqrt(2.0 * best)
+            force = (params[b, 4] ** 2 + params[b, 5] ** 2) * length**4
+            info[b, 0] = math.sqrt(max(2.0 * best - ridge * force, 0.0))
 
 
 @njit(cache=True, no_cfunc_wrapper=True)

@@ -207,8 +207,17 @@ def initial_guess(points, theta, kappa, weights, fractions, length, ends, params
                 square = min(1.0, max(0.0, drop / scale * (modulus - 0.25 * drop / scale)))
                 ratio = math.asin(math.sqrt(square))
                 if info[1] < 1e-5 and (square < 0.2 or square > 0.8):
-                    sine = min(1.0, max(-1.0, (l1 * math.cos(ends[first if end == 0 else last, 2])
-                                               + l2 * math.sin(ends[first if end == 0 else last, 2])) / lam))
+                    sine = min(
+                        1.0,
+                        max(
+                            -1.0,
+                            (
+                                l1 * math.cos(ends[first if end == 0 else last, 2])
+                                + l2 * math.sin(ends[first if end == 0 else last, 2])
+                            )
+                            / lam,
+                        ),
+                    )
                     # θ_u turns at twice the amplitude: sin θ_u = 2dn² − 1 = cos 2am, |cos θ_u| = sin 2am
                     ratio = 0.5 * math.atan2(abs(slope), sine)
             amplitude = _amplitude(1 if end == 0 else segments, falling, ratio, inflectional)

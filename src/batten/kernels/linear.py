@@ -46,7 +46,7 @@ def eigen_symmetric(matrix, vectors, values, n):
             diagonal += matrix[i, i] * matrix[i, i]
             for j in range(i):
                 off += matrix[i, j] * matrix[i, j]
-        if off <= 1e-32 * diagonal:
+        if off <= 1e-28 * diagonal:
             break
         for p in range(n - 1):
             for q in range(p + 1, n):

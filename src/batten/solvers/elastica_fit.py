@@ -72,8 +72,15 @@ def fit_samples(
     ends: Ends = "free",
     starts: int = 4,
     max_iterations: int = 100,
+    given: FloatArray | None = None,
+    force_weight: float = 0.0,
 ) -> ElasticaFits:
-    """`fit_elastica_batch` for curves that are already sampled; leading shape (b,)."""
+    """`fit_elastica_batch` for curves that are already sampled; leading shape (b,).
+
+    `given`, shape (b, 7), are parameters to start from in place of the canonical guess; a row of NaN asks for the guess.
+    `force_weight` ≥ 0 adds force_weight·|λ|²L⁴ to the squared normalised distance: of shapes that are equally near, the one
+    with less end force, which bends less beyond its ends. `distance` is without it.
+    """
     if metric not in ("L2", "H1"):
         raise InvalidInputError(f"metric is 'L2' or 'H1'; got {metric!r}")
     if ends not in _CONDITIONS:
@@ -82,14 +89,23 @@ def fit_samples(
         raise InvalidInputError(f"starts is 1 to {kernel.MAX_STARTS}; got {starts}")
     b = len(samples)
     parameters, info, status = np.empty((b, 7)), np.empty((b, 7)), np.empty(b, dtype=np.int64)
+    first = np.full((b, 7), np.nan) if given is None else np.ascontiguousarray(given, dtype=np.float64)
     kernel.fit_batch(
         samples.points, samples.angles, samples.curvatures, samples.weights, samples.fractions, samples.lengths,
-        samples.ends, _CONDITIONS[ends], metric == "H1", starts, max_iterations, parameters, info, status,
+        samples.ends, first, _CONDITIONS[ends], metric == "H1", float(force_weight), starts, max_iterations, parameters, info, status,
     )  # fmt: skip
     # The kernel works about the middle of the segment.
     parameters[:, :4] = states_at(parameters, -0.5 * parameters[:, 6])
     return ElasticaFits(
-        parameters, info[:, 0], info[:, 1], info[:, 2], info[:, 3], info[:, 4], info[:, 5].astype(np.int64), info[:, 6], status
+        parameters,
+        info[:, 0],
+        info[:, 1],
+        info[:, 2],
+        info[:, 3],
+        info[:, 4],
+        info[:, 5].astype(np.int64),
+        info[:, 6],
+        status,
     )
 
 
@@ -106,7 +122,10 @@ def fit_elastica_batch(
     samples, shape = samples_of(control_points, nodes=nodes)
     fits = fit_samples(samples, metric=metric, ends=ends, starts=starts, max_iterations=max_iterations)
     return ElasticaFits(
-        *(getattr(fits, name).reshape(*shape, *getattr(fits, name).shape[1:]) for name in ElasticaFits.__dataclass_fields__)
+        *(
+            getattr(fits, name).reshape(*shape, *getattr(fits, name).shape[1:])
+            for name in ElasticaFits.__dataclass_fields__
+        )
     )
 
 

@@ -1,0 +1,66 @@
+"""batten: design, check and make things with the curves that a bent rod really takes.
+
+The names below are imported when first used, so that `import batten` is quick.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+__version__ = "0.1.0"
+
+_WHERE = {
+    "BSplineCurve": "batten.curves.bspline",
+    "CubicBezier": "batten.curves.bezier",
+    "Curve": "batten.curves.base",
+    "Elastica": "batten.curves.elastica",
+    "PiecewiseCurve": "batten.curves.piecewise",
+    "Polyline": "batten.curves.polyline",
+    "Similarity": "batten.curves.similarity",
+    "basic_length": "batten.measures.curvature_fit",
+    "bending_energy": "batten.measures.bending_energy",
+    "curvature_residual": "batten.measures.curvature_residual",
+    "fit_elastica": "batten.solvers.elastica_fit",
+    "fit_elastica_batch": "batten.solvers.elastica_fit",
+    "h1_distance": "batten.measures.distance",
+    "hausdorff_distance": "batten.measures.distance",
+    "initial_elastica": "batten.solvers.initial_guess",
+    "l2_distance": "batten.measures.distance",
+    "lambda_residual": "batten.measures.lambda_residual",
+    "multipliers": "batten.measures.curvature_fit",
+}
+
+if TYPE_CHECKING:
+    from batten.curves.base import Curve as Curve
+    from batten.curves.bezier import CubicBezier as CubicBezier
+    from batten.curves.bspline import BSplineCurve as BSplineCurve
+    from batten.curves.elastica import Elastica as Elastica
+    from batten.curves.piecewise import PiecewiseCurve as PiecewiseCurve
+    from batten.curves.polyline import Polyline as Polyline
+    from batten.curves.similarity import Similarity as Similarity
+    from batten.measures.bending_energy import bending_energy as bending_energy
+    from batten.measures.curvature_residual import curvature_residual as curvature_residual
+    from batten.measures.distance import h1_distance as h1_distance
+    from batten.measures.distance import hausdorff_distance as hausdorff_distance
+    from batten.measures.distance import l2_distance as l2_distance
+    from batten.measures.curvature_fit import basic_length as basic_length
+    from batten.measures.lambda_residual import lambda_residual as lambda_residual
+    from batten.measures.curvature_fit import multipliers as multipliers
+    from batten.solvers.elastica_fit import fit_elastica as fit_elastica
+    from batten.solvers.elastica_fit import fit_elastica_batch as fit_elastica_batch
+    from batten.solvers.initial_guess import initial_elastica as initial_elastica
+
+__all__ = [*_WHERE, "__version__"]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _WHERE:
+        raise AttributeError(f"module 'batten' has no attribute {name!r}")
+    value = getattr(import_module(_WHERE[name]), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

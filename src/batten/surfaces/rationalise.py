@@ -1,0 +1,286 @@
+"""Leaves of a surface, cut at the block borders, as chains of elastica that join with a common tangent (Fisker2018 §5.3).
+
+A *chain* is the row of pieces of one leaf. At first every piece holds the leaf's own points and tangents at the borders and
+is the elastica of least L² distance under these conditions. Where a piece strays more than the tolerance, the chain's
+joints are moved, each along its border and in direction, all together, so that the greatest distance becomes least: a
+linear minimax problem in the joints (Lawson's weights), solved again about every new chain.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from batten.curves.elastica import points_batch
+from batten.errors import InvalidInputError
+from batten.kernels.elastica import elastica_constants
+from batten.kernels.elastica_jacobian import jacobian
+from batten.solvers.curve_samples import CurveSamples, gauss_rule
+from batten.solvers.elastica_fit import fit_samples
+from batten.surfaces.bspline_surface import BSplineSurface
+from batten.surfaces.foliation import intersect_planes
+from batten.surfaces.plane import Plane
+from batten.typing import ArrayLike, BoolArray, FloatArray, IntArray
+
+_STATIONS = 33  # where the distance of a piece from its leaf is measured
+_LAWSON = 24
+
+
+@dataclass(frozen=True, eq=False)
+class Chains:
+    """m leaves of c pieces each.
+
+    Attributes:
+        planes: m planes. edges: (m, c + 1), abscissae of the joints in the planes.
+        joints: (m, c + 1, 2), height and tangent angle at the joints. moved: (m, c + 1, 2), how far they were moved from
+            the leaf's own values.
+        parameters: (m, c, 7), the pieces as `Elastica.parameters`, in the planes' coordinates.
+        status: (m, c), as `elastica_fit.STATUS`.
+        deviation: (m, c), greatest distance of the piece from its leaf in the plane, over the stations that count; NaN where
+            there is no piece.
+        lambda_residual: (m, c), of the leaf itself on the piece's interval (Brander2018 §2; R₁).
+    """
+
+    planes: tuple[Plane, ...]
+    edges: FloatArray
+    joints: FloatArray
+    moved: FloatArray
+    parameters: FloatArray
+    status: IntArray
+    deviation: FloatArray
+    lambda_residual: FloatArray
+
+
+def rationalise(
+    surface: BSplineSurface,
+    planes: Sequence[Plane],
+    edges: ArrayLike,
+    tolerance: float,
+    *,
+    inside: Callable[[FloatArray], BoolArray] | None = None,
+    extend: float = 0.25,
+    nodes: int = 24,
+    rounds: int = 4,
+    progress: Callable[[int, int], None] | None = None,
+) -> Chains:
+    """Fit a chain of elastica to every leaf.
+
+    Parameters:
+        surface: single-valued along the planes' y axes.
+        planes: m planes.
+        edges: (m, c + 1), ascending abscissae of the block borders in each plane.
+        tolerance: distance above which a chain's joints are moved; same unit as the surface.
+        inside: which points in space, (…, 3), count for the distance; all if None. Pieces without such a point are fitted
+            but never moved for their own sake.
+        extend: how far the surface may be continued beyond its domain (see `BSplineSurface`).
+        nodes: Gauss nodes on each piece.
+        rounds: how often a chain's joints may be moved.
+        progress: called with (chains done, chains in all).
+
+    Returns:
+        `Chains`; a piece that cannot be fitted has a status above 1 and NaN parameters, and spoils no other chain.
+
+    Raises:
+        InvalidInputError: edges of another shape or not ascending, a tolerance that is not above 0.
+
+    Accuracy: joints hold to 1e-12 of a piece's length; the distance is measured at 33 stations along each piece.
+    """
+    borders = np.asarray(edges, dtype=np.float64)
+    if borders.ndim != 2 or len(borders) != len(planes) or borders.shape[1] < 2 or not (np.diff(borders) > 0).all():
+        raise InvalidInputError(
+            f"edges: got shape {borders.shape} for {len(planes)} planes; allowed is (planes, pieces + 1), ascending"
+        )
+    if not tolerance > 0.0:
+        raise InvalidInputError(f"tolerance = {tolerance}; allowed are numbers above 0")
+    sections = intersect_planes(surface, list(planes), borders, extend=extend)
+    own = np.stack([sections.y, np.arctan(sections.slope)], axis=-1)
+    target = _Target(surface, tuple(planes), borders, inside, extend, nodes)
+    # In portions: a bar to look at, and arrays that stay in the cache.
+    parts: list[tuple[FloatArray, ...]] = []
+    portion = max(8, -(-len(planes) // 20))
+    for first in range(0, len(planes), portion):
+        rows = np.arange(first, min(first + portion, len(planes)))
+        parts.append(_fit_portion(target, rows, own[rows], tolerance, rounds))
+        if progress is not None:
+            progress(int(rows[-1]) + 1, len(planes))
+    joints, parameters, status, deviation, residual = (np.concatenate(p) for p in zip(*parts))
+    return Chains(tuple(planes), borders, joints, joints - own, parameters, status, deviation, residual)
+
+
+class _Target:
+    """The wanted leaves: samples for the fit, and distances from them."""
+
+    def __init__(
+        self,
+        surface: BSplineSurface,
+        planes: tuple[Plane, ...],
+        edges: FloatArray,
+        inside: Callable[[FloatArray], BoolArray] | None,
+        extend: float,
+        nodes: int,
+    ) -> None:
+        self.surface, self.planes, self.edges = surface, planes, edges
+        self.inside, self.extend, self.nodes = inside, extend, nodes
+
+    def samples(self, rows: IntArray) -> CurveSamples:
+        """Samples of all pieces of some chains, chain by chain."""
+        t, w, cumulative = gauss_rule(self.nodes)
+        low, width = self.edges[rows, :-1], np.diff(self.edges[rows])
+        x = low[..., None] + width[..., None] * t
+        m, c, n = x.shape
+        section = intersect_planes(
+            self.surface, [self.planes[i] for i in rows], x.reshape(m, c * n), extend=self.extend
+        )
+        y, slope, curvature = (v.reshape(m * c, n) for v in (section.y, section.slope, section.curvature))
+        speed = np.sqrt(1.0 + slope**2) * width.reshape(-1, 1)
+        weights = speed * w
+        lengths = weights.sum(axis=1)
+        points = np.stack([x.reshape(m * c, n), y], axis=-1)
+        fractions = speed @ cumulative.T / lengths[:, None]
+        return CurveSamples(points, np.arctan(slope), curvature, weights, fractions, lengths, np.empty((m * c, 2, 3)))
+
+    def offsets(self, rows: IntArray, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Signed distance of points (r, c, n, 2) from their leaves in the plane, and the leaf's normals (r, c, n, 2).
+
+        First order in the distance, exact on the leaf: (y − y_S(x)) cos α. Points that do not count have weight 0: NaN.
+        """
+        r, c, n, _ = points.shape
+        section = intersect_planes(
+            self.surface, [self.planes[i] for i in rows], points[..., 0].reshape(r, c * n), extend=self.extend
+        )
+        y, slope = section.y.reshape(r, c, n), section.slope.reshape(r, c, n)
+        cosine = 1.0 / np.sqrt(1.0 + slope**2)
+        offset = (points[..., 1] - y) * cosine
+        if self.inside is not None:
+            world = np.stack([self.planes[i].to_world(points[k]) for k, i in enumerate(rows)])
+            offset = np.where(self.inside(world), offset, np.nan)
+        return offset, np.stack([-slope * cosine, cosine], axis=-1)
+
+
+def _fit_portion(
+    target: _Target, rows: IntArray, own: FloatArray, tolerance: float, rounds: int
+) -> tuple[FloatArray, FloatArray, IntArray, FloatArray, FloatArray]:
+    """Chains `rows`: joints, parameters, status, deviation, λ-residual."""
+    samples = target.samples(rows)
+    joints = own.copy()
+    parameters, status, residual = _fit_pieces(samples, target.edges[rows], joints, tolerance)
+    deviation, offsets, normals = _deviation(target, rows, parameters)
+    pending = np.flatnonzero(np.nanmax(deviation, axis=1, initial=0.0) > tolerance)
+    reach = np.ones(len(rows))
+    for _ in range(rounds):
+        pending = pending[(status[pending] <= 1).all(axis=1)]
+        if not pending.size:
+            break
+        step = _minimax_step(
+            parameters[pending], offsets[pending], normals[pending], target.edges[rows[pending]], tolerance
+        )
+        trial = joints[pending] + reach[pending, None, None] * step
+        part = _rows_of(samples, pending, parameters.shape[1])
+        new, new_status, _ = _fit_pieces(part, target.edges[rows[pending]], trial, tolerance, parameters[pending])
+        new_deviation, new_offsets, new_normals = _deviation(target, rows[pending], new)
+        worst, new_worst = (np.nanmax(v, axis=1, initial=0.0) for v in (deviation[pending], new_deviation))
+        better = (new_worst < worst) & (new_status <= 1).all(axis=1)
+        at = pending[better]
+        joints[at], parameters[at], status[at] = trial[better], new[better], new_status[better]
+        deviation[at], offsets[at], normals[at] = new_deviation[better], new_offsets[better], new_normals[better]
+        reach[pending[~better]] *= 0.35
+        gained = np.where(better, new_worst < 0.98 * worst, reach[pending] > 0.1)
+        pending = pending[gained]
+    return joints, parameters, status, deviation, residual
+
+
+def _fit_pieces(
+    samples: CurveSamples, edges: FloatArray, joints: FloatArray, tolerance: float, given: FloatArray | None = None
+) -> tuple[FloatArray, IntArray, FloatArray]:
+    """Fit all pieces between given joints: parameters (m, c, 7), status (m, c), λ-residual (m, c).
+
+    From the chain's present pieces, if `given`, so that a small move of the joints does not change the branch.
+    """
+    m, c = len(edges), edges.shape[1] - 1
+    corner = np.concatenate([edges[..., None], joints], axis=-1)
+    ends = np.stack([corner[:, :-1], corner[:, 1:]], axis=2).reshape(m * c, 2, 3)
+    held = CurveSamples(*(getattr(samples, k) for k in CurveSamples.__dataclass_fields__ if k != "ends"), ends)
+    # A force of 50/ℓ² weighs as much as a third of the tolerance.
+    weight = 0.1 * (tolerance / float(np.median(samples.lengths)) / 50.0) ** 2
+    if given is None:
+        fits = fit_samples(held, ends="tangents", starts=2, force_weight=weight)
+    else:
+        fits = fit_samples(held, ends="tangents", starts=1, given=given.reshape(m * c, 7), force_weight=weight)
+    return fits.parameters.reshape(m, c, 7), fits.status.reshape(m, c), fits.r1.reshape(m, c)
+
+
+def _rows_of(samples: CurveSamples, chains: IntArray, pieces: int) -> CurveSamples:
+    pick = (chains[:, None] * pieces + np.arange(pieces)).reshape(-1)
+    return CurveSamples(*(getattr(samples, k)[pick] for k in CurveSamples.__dataclass_fields__))
+
+
+def _deviation(target: _Target, rows: IntArray, parameters: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Greatest distance (m, c), signed distances (m, c, n) and normals (m, c, n, 2) at the stations."""
+    points = points_batch(parameters, np.linspace(0.0, 1.0, _STATIONS))
+    offsets, normals = target.offsets(rows, points)
+    finite = np.isfinite(offsets).any(axis=-1)
+    worst = np.where(finite, np.abs(np.nan_to_num(offsets)).max(axis=-1), np.nan)
+    return worst, offsets, normals
+
+
+def _minimax_step(
+    parameters: FloatArray, offsets: FloatArray, normals: FloatArray, edges: FloatArray, tolerance: float
+) -> FloatArray:
+    """Moves of the joints (r, c + 1, 2) that make the greatest linearised distance least; Lawson's algorithm.
+
+    A piece has seven parameters and six end conditions: its response to the four joint numbers is the least-norm solution,
+    and one direction z, a change of length, is left to each piece.
+    """
+    r, c, n = offsets.shape
+    sensitivity = np.zeros((r, c, n, 4 + 1))
+    length = np.diff(edges)
+    fractions = np.linspace(0.0, 1.0, n)
+    values, raw = np.empty((n, 4)), np.empty((n, 3, 6))
+    for i in range(r):
+        for j in range(c):
+            p = parameters[i, j]
+            jacobian(*p[:6], elastica_constants(*p[2:6]), fractions * p[6], values, raw)
+            full = np.concatenate([raw, np.zeros((n, 3, 1))], axis=2)
+            full[:, :, 6] = fractions[:, None] * np.stack(
+                [np.cos(values[:, 2]), np.sin(values[:, 2]), values[:, 3]], axis=1
+            )
+            scale = np.array(
+                [1.0, 1.0, 1.0 / length[i, j], 1.0 / length[i, j] ** 2, *[1.0 / length[i, j] ** 3] * 2, 1.0]
+            )
+            ends = full[[0, -1]].reshape(6, 7) * scale
+            response = np.linalg.pinv(ends)[:, [1, 2, 4, 5]] * scale[:, None]
+            free = np.linalg.svd(ends)[2][-1] * scale
+            # In units of a change of force by 5/ℓ²: beyond that the piece does not respond linearly.
+            free *= 5.0 / max(float(np.hypot(free[4], free[5])) * length[i, j] ** 2, 1e-9)
+            normal_rows = np.einsum("nd,ndk->nk", normals[i, j], full[:, :2])
+            sensitivity[i, j] = normal_rows @ np.concatenate([response, free[:, None]], axis=1)
+    # Unknowns of a chain: (c + 1) × (height, angle·length), then one for each piece.
+    unknowns = 2 * (c + 1) + c
+    system = np.zeros((r, c * n, unknowns))
+    unit = length.mean()
+    for j in range(c):
+        block = slice(j * n, (j + 1) * n)
+        system[:, block, 2 * j : 2 * j + 4] = sensitivity[:, j, :, :4] * np.array([1.0, 1.0 / unit, 1.0, 1.0 / unit])
+        system[:, block, 2 * (c + 1) + j] = sensitivity[:, j, :, 4]
+    residual = offsets.reshape(r, c * n)
+    counts = np.isfinite(residual)
+    residual = np.where(counts, residual, 0.0)
+    weights = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1)
+    best = np.zeros((r, unknowns))
+    best_worst = np.abs(residual).max(axis=1)
+    cost = np.concatenate([np.full(2 * (c + 1), 1e-8), np.full(c, 0.04)])
+    ridge = np.eye(unknowns) * (cost * best_worst[:, None] ** 2)[:, None, :]
+    for _ in range(_LAWSON):
+        weighted = system * weights[..., None]
+        normal = np.einsum("rnu,rnv->ruv", weighted, system) + ridge
+        solution = -np.linalg.solve(normal, np.einsum("rnu,rn->ru", weighted, residual)[..., None])[..., 0]
+        remaining = np.abs(residual + np.einsum("rnu,ru->rn", system, solution)) * counts
+        worst = remaining.max(axis=1)
+        improved = worst < best_worst
+        best[improved], best_worst[improved] = solution[improved], worst[improved]
+        weights = weights * (remaining + 0.02 * worst[:, None])
+        weights /= weights.sum(axis=1, keepdims=True)
+    moves = best[:, : 2 * (c + 1)].reshape(r, c + 1, 2) / np.array([1.0, unit])
+    return np.asarray(np.clip(moves, [-20.0 * tolerance, -0.2], [20.0 * tolerance, 0.2]))
