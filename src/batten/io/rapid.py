@@ -81,9 +81,11 @@ def rapid_modules(
 
 
 def rapid_program(plan: CutPlan, cell: RobotCell, *, zone: str = "z5") -> dict[str, str]:
-    """The modules of all blocks of a plan, {file name: text}; see `rapid_modules`."""
+    """The modules of all blocks of a plan that have rods, {file name: text}; see `rapid_modules`."""
     files: dict[str, str] = {}
     for motion in plan.motions:
+        if not motion.rods:
+            continue
         leaves = [plan.rods[i].leaf for i in motion.rods]
         files |= rapid_modules(motion, cell, leaves=leaves, name=plan.name, zone=zone)
     return files
