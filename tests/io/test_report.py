@@ -195,7 +195,7 @@ def test_the_page_says_what_was_found(refused):
     assert "north <wall> & more" in words
     assert "✗ 2 of 10 leaves refused Not cut: leaves 2, 3." in words
     assert plan.direction_reason in words
-    assert "2, 3 1 ✗ refused strain 0.0093 is above 0.008" in words
+    assert "2, 3 1, 2 ✗ refused strain 0.0093 is above 0.008" in words
     assert "surface: wall.3dm" in words
     assert "/nowhere" not in words
     rows = {words_of(r[0]): [words_of(c) for c in r] for r in page.iter(f"{XHTML}tr") if len(r) == 8}
@@ -227,16 +227,44 @@ def test_the_same_plan_gives_the_same_page(refused, tmp_path):
     assert (tmp_path / "a.html").read_bytes() == (tmp_path / "b.html").read_bytes()
 
 
-def test_all_refused_leaves_are_listed_and_the_repaired_ones_up_to_a_limit(make_plan):
+def test_refused_leaves_come_first_and_leaves_alike_share_a_line(make_plan):
     plan, _ = make_plan(rows=1, columns=1, leaves=4)
-    many = range(MOST_REPAIRED + 7)
-    rods = [dataclasses.replace(plan.rods[0], leaf=i, repair=(f"moved by {i} µm",)) for i in many]
-    rods += [dataclasses.replace(plan.rods[0], leaf=100 + i, status="refused", reasons=(f"reason {i}",)) for i in many]
-    rods += [dataclasses.replace(plan.rods[0], leaf=999, status="refused")]
+
+    def rod(leaf, block, repair=(), reasons=None):
+        status = "ok" if reasons is None else "refused"
+        return dataclasses.replace(
+            plan.rods[0], leaf=leaf, block=block, repair=repair, reasons=reasons or (), status=status
+        )
+
+    many = range(200, 200 + MOST_REPAIRED + 7)
+    rods = [rod(i, 1, repair=(f"moved by {i} µm",)) for i in many]
+    rods += [rod(1, 1), rod(2, 1, repair=("refitted",)), rod(2, 2), rod(3, 2, repair=("refitted",))]
+    rods += [rod(4, 1, reasons=("strain <1", "bow")), rod(4, 2, ("refitted",), reasons=("strain <1", "bow"))]
+    rods += [rod(5, 1, reasons=("strain <1",)), rod(5, 2, reasons=("bow",)), rod(9, 1, reasons=())]
     rows, hidden = leaf_rows(dataclasses.replace(plan, rods=tuple(rods)))
-    assert hidden == 7
-    assert sum("refused" in row[2] for row in rows) == len(many) + 1
-    assert ["999", "1", '<span class="mark bad">✗ refused</span>', "no reason given"] in rows
+    no, repaired = '<span class="mark bad">✗ refused</span>', '<span class="mark mild">repaired</span>'
+    assert rows[:3] == [
+        ["4, 5", "1, 2", no, "strain &lt;1<br />bow"],
+        ["9", "1", no, "no reason given"],
+        ["2, 3", "1, 2", repaired, "refitted"],
+    ]
+    assert rows[3] == ["200", "1", repaired, "moved by 200 µm"]
+    assert len(rows) == 2 + MOST_REPAIRED
+    assert hidden == 8
+
+
+def test_a_check_without_a_limit_is_reported_and_its_map_is_relative(make_plan):
+    plan, job = make_plan(rows=1, columns=1, leaves=4)
+    force = CheckResult("f", "Force", "N", math.inf, "max", np.array([1.0, 4.0, 2.0, np.nan]), hard=False)
+    page = page_of(report_html(with_checks(plan, force), job, pictures=False, files={}))
+    row = next([words_of(c) for c in r] for r in page.iter(f"{XHTML}tr") if "Force" in words_of(r))
+    assert row == ["Force", "reported", "none", "4.00 N", "–", "", "leaf 2, block 1", "0 of 4"]
+    assert "Force (darkest: 4.00 N)" in words_of(page)
+    data = base64.b64decode(check_map(plan, wall_order(plan), force).split(",")[1])
+    pixels = np.rint(255.0 * matplotlib.image.imread(io.BytesIO(data), format="png")).astype(int)
+    column = pixels[:: pixels.shape[0] // 4, 0][::-1].tolist()
+    assert column == [list(ramp_colours(np.array(v))) for v in (0.25, 1.0, 0.5, np.nan)]
+    assert critical_rod(with_checks(plan, force))[0] in range(4)
 
 
 MEASURE = """<script>

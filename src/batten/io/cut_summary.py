@@ -8,7 +8,8 @@ from typing import Any
 
 from batten.fabrication.plan import CheckResult, CutPlan
 from batten.io.report import verdict
-from batten.io.report_tables import amount, quantity
+from batten.io.report_numbers import worst_rod
+from batten.io.report_tables import amount, spaced
 
 
 def is_whole(plan: CutPlan) -> bool:
@@ -42,7 +43,7 @@ def cut_summary(plan: CutPlan, out: Path) -> dict[str, Any]:
 
 
 def _check_summary(plan: CutPlan, check: CheckResult) -> dict[str, Any]:
-    worst = check.worst
+    worst = worst_rod(check)
     rod = plan.rods[worst] if worst >= 0 else None
     return {
         "name": check.name,
@@ -69,15 +70,16 @@ def cut_lines(plan: CutPlan, out: Path) -> list[str]:
     lines = [f"{plan.name}: {head}. {more}"]
     width = max((len(check.title) for check in plan.checks), default=0)
     for check in plan.checks:
-        worst = check.worst
+        worst = worst_rod(check)
         if worst < 0:
             lines.append(f"  none  {check.title:<{width}}  applies to no rod")
             continue
         rod = plan.rods[worst]
         mark = "pass" if check.passed.all() else "FAIL" if check.hard else "look"
         sign = "≤" if check.sense == "max" else "≥"
+        limit = f"{sign} {check.limit:.6g}{spaced(check.unit)}" if math.isfinite(check.limit) else check.unit
         lines.append(
-            f"  {mark}  {check.title:<{width}}  worst {amount(float(check.values[worst])):>8}  "
-            f"{sign} {quantity(float(check.limit), check.unit)}  (leaf {rod.leaf}, block {rod.block})"
+            f"  {mark}  {check.title:<{width}}  worst {amount(float(check.values[worst])):>9}  {limit:<12}  "
+            f"leaf {rod.leaf}, block {rod.block}"
         )
     return [*lines, f"report: {out / 'report.html'}"]

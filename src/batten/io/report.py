@@ -20,8 +20,9 @@ from batten.io.report_numbers import (
     rod_numbers,
     use_of_limit,
     wall_order,
+    worst_rod,
 )
-from batten.io.report_tables import amount, force_rows, job_tables, leaf_rows, quantity, table
+from batten.io.report_tables import amount, force_rows, job_tables, leaf_rows, quantity, spaced, table
 from batten.io.software import software_name
 
 _PICTURES = (  # key, heading, what is seen
@@ -151,28 +152,39 @@ def _check_row(plan: CutPlan, check: CheckResult) -> list[str]:
     note = f'<span class="note">{html.escape(check.note)}</span>' if check.note else ""
     title = html.escape(check.title) + note
     sign = "≤" if check.sense == "max" else "≥"
-    limit = f"{sign} {check.limit:.6g} {html.escape(check.unit)}".strip()
-    worst = check.worst
+    limited = math.isfinite(check.limit)
+    limit = html.escape(f"{sign} {check.limit:.6g}{spaced(check.unit)}") if limited else "none"
+    worst = worst_rod(check)
     if worst < 0:
         return [title, '<span class="mark mild">– none</span>', limit, "–", "–", "", "applies to no rod", "0"]
     broken = int((~check.passed).sum())
     good, mild = '<span class="mark">✓ pass</span>', '<span class="mark mild">! remark</span>'
-    mark = good if not broken else '<span class="mark bad">✗ fail</span>' if check.hard else mild
+    mark = (
+        '<span class="mark mild">reported</span>'
+        if not limited
+        else good
+        if not broken
+        else '<span class="mark bad">✗ fail</span>'
+        if check.hard
+        else mild
+    )
     rod = plan.rods[worst]
     use = float(use_of_limit(check)[worst])
     width = min(100.0, 100.0 * use) if math.isfinite(use) else 100.0
     colour = ' class="bad"' if use > 1.0 else ""
     bar = f'<span class="bar"><i{colour} style="width:{width:.0f}%"></i></span>'
     where = f'<span class="whole">leaf {rod.leaf}, block {rod.block}</span>'
-    worst_text, margin = (quantity(float(v[worst]), check.unit) for v in (check.values, check.margins))
+    worst_text, margin = (html.escape(quantity(float(v[worst]), check.unit)) for v in (check.values, check.margins))
+    if not limited:
+        margin, bar = "–", ""
     return [title, mark, limit, worst_text, margin, bar, where, f"{broken} of {len(plan.rods)}"]
 
 
 def _maps(plan: CutPlan) -> str:
     order = wall_order(plan)
     figures = "".join(
-        f'<figure><figcaption>{html.escape(check.title)}</figcaption><img alt="{html.escape(check.title)}, over the wall" '
-        f'src="{check_map(plan, order, check)}" /></figure>'
+        f"<figure><figcaption>{html.escape(_map_title(check))}</figcaption>"
+        f'<img alt="{html.escape(check.title)}, over the wall" src="{check_map(plan, order, check)}" /></figure>'
         for check in plan.checks
     )
     ramp = ", ".join("rgb({},{},{})".format(*colour) for colour in RAMP)
@@ -185,6 +197,13 @@ def _maps(plan: CutPlan) -> str:
     return f'<section><h2>Where</h2><p>{about}</p>{legend}<div class="maps">{figures}</div></section>'
 
 
+def _map_title(check: CheckResult) -> str:
+    worst = worst_rod(check)
+    if math.isfinite(check.limit) or worst < 0:
+        return check.title
+    return f"{check.title} (darkest: {quantity(float(check.values[worst]), check.unit)})"
+
+
 def _leaves(plan: CutPlan) -> str:
     rows, hidden = leaf_rows(plan)
     if not rows:
@@ -193,7 +212,7 @@ def _leaves(plan: CutPlan) -> str:
         )
     more = f'<p class="soft">{hidden} more repaired leaves: in cut.json.</p>' if hidden else ""
     body = table(("leaves", "blocks", "", "what and why"), rows, numbers=())
-    return f"<section><h2>Refused and repaired leaves</h2>{body}{more}</section>"
+    return f'<section class="leaves"><h2>Refused and repaired leaves</h2>{body}{more}</section>'
 
 
 def _picture_sections(plan: CutPlan, job: CutJob, numbers: RodNumbers) -> Sequence[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import math
 import struct
 import zlib
 
@@ -33,7 +34,12 @@ def check_map(plan: CutPlan, order: WallOrder, check: CheckResult) -> str:
     cell_across = max(2, min(12, 320 // max(order.leaves, 1)))
     cell_along = max(12, 320 // max(order.width, 1))
     picture = np.full((order.leaves, order.width, 3), 255, dtype=np.int64)
-    picture[order.ranks, order.columns] = ramp_colours(use_of_limit(check))
+    if math.isfinite(check.limit):
+        use = use_of_limit(check)
+    else:  # no limit: relative to the greatest value
+        size = np.abs(check.values)
+        use = size / max(float(np.nanmax(size, initial=0.0)), 1e-300)
+    picture[order.ranks, order.columns] = ramp_colours(use)
     large = picture.repeat(cell_across, axis=0).repeat(cell_along, axis=1)
     for border in range(1, order.width):  # a white line between blocks
         large[:, border * cell_along - 1 : border * cell_along + 1] = 255

@@ -91,6 +91,8 @@ def use_of_limit(check: CheckResult) -> FloatArray:
     margins = check.margins
     known = np.isfinite(margins)
     use = np.full(margins.shape, np.nan)
+    if not math.isfinite(check.limit):
+        return np.where(np.isnan(check.values), np.nan, 0.0)
     if check.sense == "max" and check.limit > 0.0:
         use[known] = check.values[known] / check.limit
     elif check.sense == "min" and check.limit > 0.0:
@@ -101,6 +103,13 @@ def use_of_limit(check: CheckResult) -> FloatArray:
     use[np.isneginf(check.values)] = 0.0 if check.sense == "max" else np.inf
     use[known & (margins < 0.0)] = np.maximum(use[known & (margins < 0.0)], 1.0 + 1e-9)
     return np.maximum(use, 0.0)
+
+
+def worst_rod(check: CheckResult) -> int:
+    """Index of the rod with the least margin; where there is no limit, of the most extreme value; −1 if there is none."""
+    if math.isfinite(check.limit) or np.isnan(check.values).all():
+        return check.worst
+    return int(np.nanargmax(check.values) if check.sense == "max" else np.nanargmin(check.values))
 
 
 def critical_rod(plan: CutPlan) -> tuple[int, CheckResult | None]:

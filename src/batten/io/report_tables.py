@@ -32,8 +32,13 @@ def amount(value: float) -> str:
 
 
 def quantity(value: float, unit: str) -> str:
-    """A number and its unit."""
-    return f"{amount(value)} {html.escape(unit)}".strip()
+    """A number and its unit, as plain text."""
+    return (amount(value) + spaced(unit)) if math.isfinite(value) else amount(value)
+
+
+def spaced(unit: str) -> str:
+    """A unit as it follows a number."""
+    return unit if unit in ("°", "") else f" {unit}"
 
 
 def _raised(number: int) -> str:
@@ -49,33 +54,26 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]], *, numbers: Sequen
 
 
 def leaf_rows(plan: CutPlan) -> tuple[list[list[str]], int]:
-    """A line for every reason and every repair with the leaves and blocks it is about; and how many were left out."""
-    said: dict[tuple[bool, str], list[tuple[int, int]]] = {}
+    """The refused leaves, then the repaired ones, leaves of which the same is said in one line; how many are not listed."""
+    rows: dict[bool, list[list[str]]] = {True: [], False: []}
+    refused = set(plan.refused_leaves)
+    texts: dict[int, dict[str, None]] = {}  # a dict for a set that keeps its order
+    blocks: dict[int, list[int]] = {}
     for rod in plan.rods:
-        refused = rod.status == "refused"
-        for text in rod.reasons if refused else rod.repair:
-            said.setdefault((refused, text), []).append((rod.leaf, rod.block))
-    explained = {leaf for (refused, _), places in said.items() if refused for leaf, _ in places}
-    for rod in plan.rods:
-        if rod.status == "refused" and rod.leaf not in explained:
-            said.setdefault((True, "no reason given"), []).append((rod.leaf, rod.block))
-    refused_rows, repaired_rows = (
-        [
-            [
-                leaf_ranges([leaf for leaf, _ in places]),
-                leaf_ranges([block for _, block in places]),
-                mark,
-                html.escape(text),
-            ]
-            for (refused, text), places in sorted(said.items(), key=lambda item: item[1][0])
-            if refused == wanted
-        ]
-        for wanted, mark in (
-            (True, '<span class="mark bad">✗ refused</span>'),
-            (False, '<span class="mark mild">repaired</span>'),
-        )
-    )
-    return refused_rows + repaired_rows[:MOST_REPAIRED], max(0, len(repaired_rows) - MOST_REPAIRED)
+        said = rod.reasons if rod.leaf in refused else rod.repair
+        texts.setdefault(rod.leaf, {}).update(dict.fromkeys(said))
+        if said or rod.status == "refused":
+            blocks.setdefault(rod.leaf, []).append(rod.block)
+    alike: dict[tuple[bool, tuple[str, ...]], list[int]] = {}
+    for leaf in sorted(texts):
+        if leaf in refused or texts[leaf]:
+            alike.setdefault((leaf in refused, tuple(texts[leaf])), []).append(leaf)
+    for (is_refused, said), leaves in alike.items():
+        mark = '<span class="mark bad">✗ refused</span>' if is_refused else '<span class="mark mild">repaired</span>'
+        what = "<br />".join(map(html.escape, said)) or "no reason given"
+        inside = leaf_ranges([block for leaf in leaves for block in blocks.get(leaf, [])])
+        rows[is_refused].append([leaf_ranges(leaves), inside, mark, what])
+    return rows[True] + rows[False][:MOST_REPAIRED], max(0, len(rows[False]) - MOST_REPAIRED)
 
 
 def force_rows(plan: CutPlan, numbers: RodNumbers) -> list[list[str]]:
