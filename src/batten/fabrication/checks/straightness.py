@@ -65,7 +65,7 @@ def bow(points: FloatArray) -> FloatArray:
     closed = length < 1e-12 * np.abs(along).max(axis=(-2, -1))
     across = along[..., 1] * chord[..., :1] - along[..., 0] * chord[..., 1:]
     height = across / np.where((length > 0.0) & ~closed, length, 1.0)[..., None]
-    bowed = np.maximum(greatest(height), greatest(-height))
+    bowed = np.abs(np.maximum(greatest(height), greatest(-height)))
     return np.where(closed, np.hypot(along[..., 0], along[..., 1]).max(axis=-1), bowed)
 
 
