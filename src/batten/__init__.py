@@ -40,13 +40,13 @@ if TYPE_CHECKING:
     from batten.curves.polyline import Polyline as Polyline
     from batten.curves.similarity import Similarity as Similarity
     from batten.measures.bending_energy import bending_energy as bending_energy
+    from batten.measures.curvature_fit import basic_length as basic_length
+    from batten.measures.curvature_fit import multipliers as multipliers
     from batten.measures.curvature_residual import curvature_residual as curvature_residual
     from batten.measures.distance import h1_distance as h1_distance
     from batten.measures.distance import hausdorff_distance as hausdorff_distance
     from batten.measures.distance import l2_distance as l2_distance
-    from batten.measures.curvature_fit import basic_length as basic_length
     from batten.measures.lambda_residual import lambda_residual as lambda_residual
-    from batten.measures.curvature_fit import multipliers as multipliers
     from batten.solvers.elastica_fit import fit_elastica as fit_elastica
     from batten.solvers.elastica_fit import fit_elastica_batch as fit_elastica_batch
     from batten.solvers.initial_guess import initial_elastica as initial_elastica

@@ -94,7 +94,7 @@ class CubicBezier:
         of γ' in the complex plane, which are known in closed form. Computed anew at each access (a few microseconds).
         """
         out = np.empty((1, 7))
-        curvature_fit_batch(self.control_points[None], _LENGTH_CONDITION, out)
+        curvature_fit_batch(self.control_points[None].copy(), _LENGTH_CONDITION, out)
         return float(out[0, LENGTH])
 
     def breaks(self) -> FloatArray:

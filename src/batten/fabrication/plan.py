@@ -87,7 +87,7 @@ class RodPlacement:
         points = self.plane.to_world(self.rod.point_at(s))
         angles = self.rod.angle_at(s)
         tangents = self.plane.direction_to_world(np.stack([np.cos(angles), np.sin(angles)], axis=-1))
-        normal = self.plane.normal
+        normal = -self.plane.normal
         return GripperFrame(points[0], tangents[0], normal), GripperFrame(points[1], tangents[1], normal)
 
 

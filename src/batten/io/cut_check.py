@@ -134,12 +134,11 @@ def _model(folder: Path, stored: StoredCut) -> Iterator[Finding]:
 
 
 def _checks(folder: Path, stored: StoredCut) -> Iterator[Finding]:
-    from batten.fabrication.cut import run_checks
-    from batten.fabrication.robot.cell import cell_from_job
+    from batten.fabrication.cut import check_again
     from batten.io.job_surface import read_job_surface
 
     surface = read_job_surface(stored.job.surface)
-    again = run_checks(stored.plan, stored.job, surface, cell_from_job(stored.job.cell))
+    again = check_again(stored.plan, stored.job, surface)
     yield from compare_checks(stored.plan, again)
     cut_but_beyond = {
         rod.leaf

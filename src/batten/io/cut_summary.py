@@ -76,6 +76,7 @@ def cut_lines(plan: CutPlan, out: Path) -> list[str]:
             continue
         rod = plan.rods[worst]
         mark = "pass" if check.passed.all() else "FAIL" if check.hard else "look"
+        mark = mark if math.isfinite(check.limit) else "info"
         sign = "≤" if check.sense == "max" else "≥"
         limit = f"{sign} {check.limit:.6g}{spaced(check.unit)}" if math.isfinite(check.limit) else check.unit
         lines.append(

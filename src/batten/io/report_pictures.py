@@ -85,8 +85,8 @@ def _png(figure: Figure) -> str:
     figure.set_dpi(DPI)
     canvas = FigureCanvasAgg(figure)
     canvas.draw()
-    pixels = np.asarray(canvas.buffer_rgba())[..., :3].astype(np.int64)
-    return png_address(np.minimum((pixels + 4) // 8 * 8, 255))
+    coarse = np.minimum((np.arange(256) + 4) // 8 * 8, 255).astype(np.uint8)
+    return png_address(coarse[np.asarray(canvas.buffer_rgba())[..., :3]])
 
 
 # The wall, seen from above and in front: each leaf hides what lies behind it.
@@ -158,8 +158,9 @@ def _coloured(flat: FloatArray, deviation: FloatArray, limit: float) -> tuple[li
     at = np.interp(np.arange(count), np.linspace(0, count - 1, len(deviation)), deviation)
     starts = range(0, count - 1, 8)
     value = np.array([at[i : i + 9].max() for i in starts])
-    colours = [to_rgba(RED) if v > limit else _LINES(v / limit) for v in value]
-    return [flat[i : i + 9] for i in starts], colours
+    colours = _LINES(value / limit)
+    colours[value > limit] = to_rgba(RED)
+    return [flat[i : i + 9] for i in starts], list(colours)
 
 
 def _block_outline(ax: Any, block: Block, plan: CutPlan, curves: list[FloatArray], axes3: FloatArray) -> None:

@@ -7,7 +7,7 @@ rules and solved in a frame that is stable for every curve, near-lines included:
 - the control polygon is moved to 0 and divided, as complex numbers, by the point of it farthest from its start, so that
   a near-line lies along the real axis and only the second coordinate is small;
 - the 2 × 2 system is centred and orthogonalised, so that the small coordinate is not lost in the large one;
-- the residual is summed from its own values at the nodes, never as a difference of moments.
+- a small residual is summed from its own values at the nodes, not taken as a difference of moments.
 
 `NODES`-many values of one panel are one loop over a fixed count. These loops are compiled so that sums may be
 reordered (they become vector code, three times as fast); nothing in them relies on the order, and NaN and infinity
@@ -89,6 +89,10 @@ def _solve(moments, nodes, n):
             c = (cyk - slope * cxk) / rest
         b = cxk / cxx - c * slope
     a = mk - b * mx - c * my
+    # What the fit leaves, as a difference where that loses four digits at most, else from its own values.
+    r2 = skk - mk * sk - b * cxk - c * cyk
+    if r2 > 1e-4 * skk:
+        return a, b, c, s, skk, r2
     r2 = 0.0
     for i in range(n):
         r = nodes[2, i] - a - b * nodes[0, i] - c * nodes[1, i]
@@ -134,12 +138,13 @@ def _frame(p):
         a1 * cx + b1 * cy,
         b1 * cx - a1 * cy,
     )
-    length = math.sqrt(far)
-    noise = 4.0 * _EPS * (2.0 + (abs(p[0, 0]) + abs(p[0, 1])) / size / length)
+    length = math.sqrt(far) * size
     flag = 0
-    if abs(f[1]) <= noise and abs(f[1] + f[3]) <= noise and abs(f[1] + f[3] + f[5]) <= noise:
-        flag = 1 if _one_direction(f[0], f[2], f[4], noise) else 2
-    return ux * size, uy * size, length * size, f, flag
+    # What a rounding of the coordinates can move a control point by, times the length.
+    noise = 4.0 * _EPS * (2.0 * length + abs(p[0, 0]) + abs(p[0, 1]))
+    if max(abs(f[1]), abs(f[1] + f[3]), abs(f[1] + f[3] + f[5])) * length <= noise:
+        flag = 1 if _one_direction(f[0], f[2], f[4], noise / length) else 2
+    return ux * size, uy * size, length, f, flag
 
 
 @njit(cache=True, error_model="numpy")

@@ -218,7 +218,9 @@ def fit_from(mid, points, theta, weights, fractions, ends, m, h1, ridge, max_ite
         return FIT_INFEASIBLE, math.inf, 0, math.inf
     mu, newton, slow, optimality = 1e-3, False, 0, math.inf
     for iteration in range(max_iterations):
-        value = lagrangian(out, points, theta, weights, fractions, h1, ridge, ends, m, zero, s, values, jac, grad, gauss, c, a)
+        value = lagrangian(
+            out, points, theta, weights, fractions, h1, ridge, ends, m, zero, s, values, jac, grad, gauss, c, a
+        )
         if not math.isfinite(value):
             return FIT_BAD, math.inf, iteration, math.inf
         if not _reduce(gauss, grad, gauss, a, m, newton, nu, scale, basis, eigen, slope):
@@ -300,4 +302,9 @@ def fit_from(mid, points, theta, weights, fractions, ends, m, h1, ridge, max_ite
         slow = slow + 1 if value - new < 0.3 * value else 0
         if not newton and slow >= 2:
             newton, mu = True, min(mu, 1e-2)
-    return FIT_ITERATIONS, _objective(out, points, theta, weights, fractions, h1, ridge, s, values), max_iterations, optimality
+    return (
+        FIT_ITERATIONS,
+        _objective(out, points, theta, weights, fractions, h1, ridge, s, values),
+        max_iterations,
+        optimality,
+    )

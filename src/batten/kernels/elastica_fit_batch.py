@@ -26,7 +26,7 @@ def make_start(which, points, theta, kappa, weights, fractions, guess, mid):
         for k in range(4, 7):
             mid[k] = guess[k]
         return math.isfinite(guess[0])
-    l1, l2, alpha, _, _, _ = multipliers(points, kappa, weights)
+    l1, l2, _, _, _, _ = multipliers(points, kappa, weights)
     nearest, mean, mx, my = 0, 0.0, 0.0, 0.0
     for i in range(weights.shape[0]):
         mean += weights[i] * kappa[i]
@@ -56,7 +56,22 @@ def make_start(which, points, theta, kappa, weights, fractions, guess, mid):
 
 @njit(cache=True, no_cfunc_wrapper=True)
 def fit_batch(
-    points, theta, kappa, weights, fractions, lengths, ends, given, m, h1, ridge, starts, max_iterations, params, info, status
+    points,
+    theta,
+    kappa,
+    weights,
+    fractions,
+    lengths,
+    ends,
+    given,
+    m,
+    h1,
+    ridge,
+    starts,
+    max_iterations,
+    params,
+    info,
+    status,
 ):
     """Fit b sampled curves. Fills params (b, 7) about the middle, info (b, 7) and status (b,).
 

@@ -153,7 +153,8 @@ def cubic_array(control_points: ArrayLike) -> FloatArray:
 
 def _fit_cubics(points: FloatArray, condition: float) -> tuple[FloatArray, ...]:
     """The fields of `CurvatureFit` for cubics, each of the leading shape."""
-    rows = np.ascontiguousarray(points.reshape(-1, 4, 2))
+    # One type of array for the kernel: writable and contiguous, else it would be compiled twice.
+    rows = np.require(points.reshape(-1, 4, 2), requirements=["C", "W"])
     out = np.empty((len(rows), 7))
     curvature_fit_batch(rows, condition, out)
     out[:, 2] = np.sqrt(out[:, 2])

@@ -147,7 +147,9 @@ def from_points(points: ArrayLike, *, nodes: int = 96, smoothing: float | None =
         raise InvalidInputError(f"measured points need shape (m, 2), m ≥ 5, all finite; got shape {data.shape}")
     step = np.hypot(*np.diff(data, axis=0).T)
     if not (step > 0.0).all():
-        raise InvalidInputError(f"measured points {np.flatnonzero(step == 0.0)[:5].tolist()} coincide with the next; drop one")
+        raise InvalidInputError(
+            f"measured points {np.flatnonzero(step == 0.0)[:5].tolist()} coincide with the next; drop one"
+        )
     chord = np.concatenate([[0.0], np.cumsum(step)])
     chord /= chord[-1]
     spline = make_smoothing_spline(chord, data, lam=smoothing)

@@ -92,7 +92,8 @@ def fit_samples(
     first = np.full((b, 7), np.nan) if given is None else np.ascontiguousarray(given, dtype=np.float64)
     kernel.fit_batch(
         samples.points, samples.angles, samples.curvatures, samples.weights, samples.fractions, samples.lengths,
-        samples.ends, first, _CONDITIONS[ends], metric == "H1", float(force_weight), starts, max_iterations, parameters, info, status,
+        samples.ends, first, _CONDITIONS[ends], metric == "H1", float(force_weight), starts, max_iterations,
+        parameters, info, status,
     )  # fmt: skip
     # The kernel works about the middle of the segment.
     parameters[:, :4] = states_at(parameters, -0.5 * parameters[:, 6])
@@ -118,7 +119,7 @@ def fit_elastica_batch(
     nodes: int = 32,
     max_iterations: int = 100,
 ) -> ElasticaFits:
-    """`fit_elastica` for many cubic Béziers, control points (…, 4, 2); a bad row gives status 3 and NaN, the rest goes on."""
+    """`fit_elastica` for many cubic Béziers, control points (…, 4, 2); a bad row gives status 3, NaN; the rest goes on."""
     samples, shape = samples_of(control_points, nodes=nodes)
     fits = fit_samples(samples, metric=metric, ends=ends, starts=starts, max_iterations=max_iterations)
     return ElasticaFits(
@@ -147,7 +148,7 @@ def fit_elastica(
         curve: a `Curve`, control points (4, 2) of one cubic Bézier, or `CurveSamples` (see `from_points` for noisy data).
         metric: "L2" or "H1".
         ends: "free", "points" (end points held) or "tangents" (end points and end tangents held).
-        starts: 1 takes only the canonical initial guess; up to 7 add others (integrated curvature, H¹, circle, other forces).
+        starts: 1 takes only the canonical initial guess; up to 7 add others (curvature integrated, H¹, circle, forces).
         nodes: Gauss nodes on each smooth piece.
 
     Returns:
@@ -176,8 +177,12 @@ def fit_elastica(
             iterations=int(fits.iterations[0]),
         )
     return ElasticaFit(
-        Elastica.from_parameters(fits.parameters[0]),
-        *(float(v[0]) for v in (fits.distance, fits.r1, fits.r2, fits.r3, fits.r4)),
+        elastica=Elastica.from_parameters(fits.parameters[0]),
+        distance=float(fits.distance[0]),
+        r1=float(fits.r1[0]),
+        r2=float(fits.r2[0]),
+        r3=float(fits.r3[0]),
+        r4=float(fits.r4[0]),
         iterations=int(fits.iterations[0]),
         optimality=float(fits.optimality[0]),
         status=STATUS[status],

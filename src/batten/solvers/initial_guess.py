@@ -62,5 +62,8 @@ def initial_elastica(curve: Curve | CurveSamples | ArrayLike, *, nodes: int = 64
         samples.ends, parameters, info, status,
     )  # fmt: skip
     if status[0] == 3:
-        raise InvalidInputError("no first guess: the curve has no length, is not finite, or its curvature gives no direction")
-    return InitialGuess(Elastica.from_parameters(parameters[0]), *info[0].tolist(), status=STATUS[int(status[0])])
+        raise InvalidInputError(
+            "no first guess: the curve has no length, is not finite, or its curvature gives no direction"
+        )
+    r1, r2, r3, r4 = info[0].tolist()
+    return InitialGuess(Elastica.from_parameters(parameters[0]), r1, r2, r3, r4, STATUS[int(status[0])])

@@ -9,7 +9,7 @@ linear minimax problem in the joints (Lawson's weights), solved again about ever
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -39,7 +39,7 @@ class Chains:
         parameters: (m, c, 7), the pieces as `Elastica.parameters`, in the planes' coordinates.
         status: (m, c), as `elastica_fit.STATUS`.
         deviation: (m, c), greatest distance of the piece from its leaf in the plane, over the stations that count; NaN where
-            there is no piece.
+            there is no piece. first_deviation: the same before joints were moved.
         lambda_residual: (m, c), of the leaf itself on the piece's interval (Brander2018 §2; R₁).
     """
 
@@ -50,6 +50,7 @@ class Chains:
     parameters: FloatArray
     status: IntArray
     deviation: FloatArray
+    first_deviation: FloatArray
     lambda_residual: FloatArray
 
 
@@ -98,15 +99,15 @@ def rationalise(
     own = np.stack([sections.y, np.arctan(sections.slope)], axis=-1)
     target = _Target(surface, tuple(planes), borders, inside, extend, nodes)
     # In portions: a bar to look at, and arrays that stay in the cache.
-    parts: list[tuple[FloatArray, ...]] = []
+    parts = []
     portion = max(8, -(-len(planes) // 20))
     for first in range(0, len(planes), portion):
         rows = np.arange(first, min(first + portion, len(planes)))
         parts.append(_fit_portion(target, rows, own[rows], tolerance, rounds))
         if progress is not None:
             progress(int(rows[-1]) + 1, len(planes))
-    joints, parameters, status, deviation, residual = (np.concatenate(p) for p in zip(*parts))
-    return Chains(tuple(planes), borders, joints, joints - own, parameters, status, deviation, residual)
+    joints, parameters, status, deviation, before, residual = (np.concatenate([p[k] for p in parts]) for k in range(6))
+    return Chains(tuple(planes), borders, joints, joints - own, parameters, status, deviation, before, residual)
 
 
 class _Target:
@@ -161,12 +162,13 @@ class _Target:
 
 def _fit_portion(
     target: _Target, rows: IntArray, own: FloatArray, tolerance: float, rounds: int
-) -> tuple[FloatArray, FloatArray, IntArray, FloatArray, FloatArray]:
-    """Chains `rows`: joints, parameters, status, deviation, λ-residual."""
+) -> tuple[FloatArray, FloatArray, IntArray, FloatArray, FloatArray, FloatArray]:
+    """Chains `rows`: joints, parameters, status, deviation, deviation at first, λ-residual."""
     samples = target.samples(rows)
     joints = own.copy()
     parameters, status, residual = _fit_pieces(samples, target.edges[rows], joints, tolerance)
     deviation, offsets, normals = _deviation(target, rows, parameters)
+    first = deviation.copy()
     pending = np.flatnonzero(np.nanmax(deviation, axis=1, initial=0.0) > tolerance)
     reach = np.ones(len(rows))
     for _ in range(rounds):
@@ -188,7 +190,7 @@ def _fit_portion(
         reach[pending[~better]] *= 0.35
         gained = np.where(better, new_worst < 0.98 * worst, reach[pending] > 0.1)
         pending = pending[gained]
-    return joints, parameters, status, deviation, residual
+    return joints, parameters, status, deviation, first, residual
 
 
 def _fit_pieces(
@@ -201,7 +203,7 @@ def _fit_pieces(
     m, c = len(edges), edges.shape[1] - 1
     corner = np.concatenate([edges[..., None], joints], axis=-1)
     ends = np.stack([corner[:, :-1], corner[:, 1:]], axis=2).reshape(m * c, 2, 3)
-    held = CurveSamples(*(getattr(samples, k) for k in CurveSamples.__dataclass_fields__ if k != "ends"), ends)
+    held = replace(samples, ends=ends)
     # A force of 50/ℓ² weighs as much as a third of the tolerance.
     weight = 0.1 * (tolerance / float(np.median(samples.lengths)) / 50.0) ** 2
     if given is None:
