@@ -32,7 +32,7 @@ def folder(tmp_path):
 def planned(monkeypatch, make_plan):
     """`plan_cut` replaced by one that gives a made-up plan at once; `planned(...)` says which plan or what to do."""
     fake = types.ModuleType("batten.fabrication.cut")
-    fake.run_checks = lambda plan, job, surface, cell: plan.checks
+    fake.check_again = lambda plan, job, surface: plan.checks
     monkeypatch.setitem(sys.modules, "batten.fabrication.cut", fake)
 
     def choose(refused=(), act=None):

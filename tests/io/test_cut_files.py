@@ -23,7 +23,7 @@ WALL = Path(__file__).parents[2] / "examples/freeform-wall/freeform-surface.3dm"
 
 @pytest.fixture
 def cut(make_plan, tmp_path, monkeypatch):
-    """A made-up plan with a real surface file, and a `run_checks` that finds again what the plan says."""
+    """A made-up plan with a real surface file, and a `check_again` that finds again what the plan says."""
     plan, job = make_plan(rows=1, columns=2, leaves=3, refused=(2,))
     hard_ok = tuple(dataclasses.replace(c, hard=c.name != "speed") for c in plan.checks)
     plan = dataclasses.replace(plan, checks=hard_ok)
@@ -32,7 +32,7 @@ def cut(make_plan, tmp_path, monkeypatch):
     shutil.copy(WALL, source)
     job = dataclasses.replace(job, surface=dataclasses.replace(job.surface, file=source, scale_mm_per_unit=300.0))
     fake = types.ModuleType("batten.fabrication.cut")
-    fake.run_checks = lambda plan, job, surface, cell: plan.checks
+    fake.check_again = lambda plan, job, surface: plan.checks
     monkeypatch.setitem(sys.modules, "batten.fabrication.cut", fake)
     out = tmp_path / "out"
 
@@ -157,7 +157,7 @@ def test_a_check_that_comes_out_otherwise_is_found(cut):
         *cut.plan.checks[3:],
         dataclasses.replace(strain, name="new", title="A new one"),
     )
-    cut.fake.run_checks = lambda *args: others
+    cut.fake.check_again = lambda *args: others
     found = differences(cut)
     rod = cut.plan.rods[3]
     assert found.pop(strain.title).startswith(f"differs at 1 rods, first at leaf {rod.leaf} in block {rod.block}")
@@ -170,7 +170,7 @@ def test_a_check_that_comes_out_otherwise_is_found(cut):
 def test_a_leaf_that_is_cut_beyond_a_hard_limit_is_found(cut):
     cut.write(pictures=False)
     values = np.where([r.leaf == 3 for r in cut.plan.rods], 0.02, cut.plan.checks[0].values)
-    cut.fake.run_checks = lambda *args: (dataclasses.replace(cut.plan.checks[0], values=values), *cut.plan.checks[1:])
+    cut.fake.check_again = lambda *args: (dataclasses.replace(cut.plan.checks[0], values=values), *cut.plan.checks[1:])
     assert differences(cut)["limits"] == "leaves that are cut break a hard limit: [3]"
 
 

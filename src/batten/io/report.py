@@ -88,29 +88,28 @@ def verdict(plan: CutPlan) -> tuple[bool, str, str]:
     """Whether the plan is whole, its headline, and one sentence more."""
     leaves = len({r.leaf for r in plan.rods})
     refused = plan.refused_leaves
-    broken = [c for c in plan.checks if not c.passed.all()]
-    hard = [
-        c
-        for c in broken
-        if c.hard and not all(c.passed[i] or plan.rods[i].status == "refused" for i in range(len(plan.rods)))
-    ]
-    remarks = [c for c in broken if not c.hard]
+    beyond = [(check, _cut_beyond(plan, check)) for check in plan.checks]
+    hard = [(check, count) for check, count in beyond if count and check.hard]
+    remarks = [(check, count) for check, count in beyond if count and not check.hard]
     soft = f" Worth a look: {_titles(remarks)}." if remarks else ""
     if not plan.rods:
         return False, "There is nothing to cut", "The plan holds no rod."
+    if hard:
+        return False, "A limit is broken", f"Cut beyond their limit: {_titles(hard)}." + soft
     if refused:
-        head = f"{len(refused)} of {leaves} leaves refused"
         which = f"{'leaf' if len(refused) == 1 else 'leaves'} {leaf_ranges(refused)}"
         more = f"Not cut: {which}. The robot program leaves them out."
-        return False, head, more + soft
-    if hard:
-        return False, "A limit is broken", f"Beyond their limit: {_titles(hard)}." + soft
+        return False, f"{len(refused)} of {leaves} leaves refused", more + soft
     return True, "Can be cut", f"All {leaves} leaves ({len(plan.rods)} rods) keep every hard limit.{soft}"
 
 
-def _titles(checks: Iterable[CheckResult]) -> str:
-    counts = ((c.title, int((~c.passed).sum())) for c in checks)
-    return ", ".join(f"{title} ({count} rod{'' if count == 1 else 's'})" for title, count in counts)
+def _cut_beyond(plan: CutPlan, check: CheckResult) -> int:
+    """How many of the rods that are cut are beyond the limit."""
+    return sum(rod.status == "ok" and not passed for rod, passed in zip(plan.rods, check.passed))
+
+
+def _titles(checks: Iterable[tuple[CheckResult, int]]) -> str:
+    return ", ".join(f"{check.title} ({count} rod{'' if count == 1 else 's'})" for check, count in checks)
 
 
 def _verdict(plan: CutPlan) -> str:
@@ -124,17 +123,21 @@ def _verdict(plan: CutPlan) -> str:
 def _figures(plan: CutPlan, job: CutJob, numbers: RodNumbers) -> str:
     corners = np.array([b.corner_mm for b in plan.blocks])
     size = (np.array([b.corner_mm + b.size_mm for b in plan.blocks]).max(axis=0) - corners.min(axis=0)) / 1000.0
-    deviation = max(float(d.max()) for d in numbers.deviation_mm)
-    moment = max(float(np.abs(m).max()) for m in (numbers.moment_left_nmm, numbers.moment_right_nmm))
+    cut = np.flatnonzero(~numbers.refused)
+    of = " of what is cut" if 0 < len(cut) < len(plan.rods) else ""
+    cut = cut if len(cut) else np.arange(len(plan.rods))
+    deviation = max(float(numbers.deviation_mm[i].max()) for i in cut)
+    strain = 100.0 * float(np.abs(numbers.strain[cut]).max())
+    moment = 1e-3 * max(float(np.abs(m[cut]).max()) for m in (numbers.moment_left_nmm, numbers.moment_right_nmm))
     entries = [
         ("wall", f"{size[0]:.3g} × {size[1]:.3g}", "m"),
         ("blocks", str(len(plan.blocks)), ""),
         ("leaves", str(len({r.leaf for r in plan.rods})), f"{len(plan.refused_leaves)} refused"),
         ("rods", str(len(plan.rods)), f"{len({r.leaf for r in plan.rods if r.repair})} leaves repaired"),
-        ("greatest deviation", amount(deviation), f"mm of {job.leaves.tolerance_mm:g}"),
-        ("greatest strain", amount(100.0 * float(np.abs(numbers.strain).max())), f"% of {100 * job.rod.max_strain:g}"),
-        ("greatest force", amount(float(numbers.force_n.max())), "N"),
-        ("greatest moment", amount(moment / 1000.0), "N·m"),
+        (f"greatest deviation{of}", amount(deviation), f"mm of {job.leaves.tolerance_mm:g}"),
+        (f"greatest strain{of}", amount(strain), f"% of {100 * job.rod.max_strain:g}"),
+        (f"greatest force{of}", amount(float(numbers.force_n[cut].max())), "N"),
+        (f"greatest moment{of}", amount(moment), "N·m"),
     ]
     cells = "".join(
         f"<div><dt>{name}</dt><dd>{value} <small>{unit}</small></dd></div>" for name, value, unit in entries

@@ -29,7 +29,9 @@ class RodNumbers:
         strain: (n, m), κ·d/2, signed.
         force_n: (n,), the force that either gripper holds, EI·‖force‖, N.
         moment_left_nmm, moment_right_nmm: (n,), bending moments EI·κ at the rod's ends, N·mm, signed.
-        deviation_mm: one array a rod, distance of each design point from the piece, mm.
+        deviation_mm: one array a rod, distance of each design point from the piece in the leaf's plane, mm; where the
+            plan holds the check "deviation", which measures at right angles to the surface, in proportion so that the
+            greatest is that check's value.
         refused: (n,), whether the rod is left out.
     """
 
@@ -71,9 +73,19 @@ def rod_numbers(plan: CutPlan, job: CutJob) -> RodNumbers:
         force_n=stiffness * np.hypot(parameters[:, 4], parameters[:, 5]),
         moment_left_nmm=stiffness * curvature[:, 0],
         moment_right_nmm=stiffness * curvature[:, -1],
-        deviation_mm=tuple(distance_to_polyline(r.design, piece) for r, piece in zip(plan.rods, pieces)),
+        deviation_mm=_deviations(plan, pieces),
         refused=np.array([r.status == "refused" for r in plan.rods], dtype=np.bool_),
     )
+
+
+def _deviations(plan: CutPlan, pieces: FloatArray) -> tuple[FloatArray, ...]:
+    distances = [distance_to_polyline(r.design, piece) for r, piece in zip(plan.rods, pieces)]
+    check = next((c for c in plan.checks if c.name == "deviation"), None)
+    if check is not None:
+        for distance, greatest in zip(distances, check.values):
+            if math.isfinite(greatest) and distance.max() > 0.0:
+                distance *= greatest / distance.max()
+    return tuple(distances)
 
 
 def distance_to_polyline(points: FloatArray, polyline: FloatArray) -> FloatArray:

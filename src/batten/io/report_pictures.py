@@ -18,7 +18,7 @@ from batten.fabrication.job import CutJob
 from batten.fabrication.plan import Block, CutPlan
 from batten.io.report_maps import BROKEN, RAMP, png_address
 from batten.io.report_numbers import RodNumbers
-from batten.typing import FloatArray
+from batten.typing import FloatArray, IntArray
 
 INK, SOFT, FAINT, FOAM = "#1c2733", "#66727f", "#c9d0d6", "#f4f1e8"
 RED = "#{:02x}{:02x}{:02x}".format(*BROKEN)
@@ -94,7 +94,7 @@ def _png(figure: Figure) -> str:
 
 def _view(plan: CutPlan) -> tuple[FloatArray, FloatArray]:
     """The picture's right and up in the wall frame (2, 3), and the direction away from the eye in plan (2,)."""
-    turn, lift = np.radians(-24.0 if plan.blade_axis == "x" else 66.0), np.radians(38.0)
+    turn, lift = np.radians(-24.0 if plan.blade_axis == "x" else 66.0), np.radians(46.0)
     right = np.array([np.cos(turn), np.sin(turn), 0.0])
     away = np.array([-np.sin(turn), np.cos(turn), 0.0])
     up = np.sin(lift) * away + np.array([0.0, 0.0, np.cos(lift)])
@@ -115,9 +115,9 @@ def draw_wall(plan: CutPlan, job: CutJob, numbers: RodNumbers) -> str:
     ax.set_aspect("equal")
     ax.set_xlim(low[0] - margin, high[0] + margin)
     ax.set_ylim(low[1] - margin, high[1] + margin)
-    ax.add_collection(_leaves(plan, job, numbers, curves, axes3, away))
-    for block in plan.blocks:
-        _block_outline(ax, block, plan, curves, axes3)
+    nearest_last = np.argsort([-float(c.mean(axis=0)[:2] @ away) for c in curves], kind="stable")
+    ax.add_collection(_leaves(plan, job, numbers, curves, axes3, nearest_last))
+    _block_numbers(ax, plan, curves, axes3, nearest_last)
     _axes_cross(ax, axes3, size)
     beyond = any(float(d.max()) > job.leaves.tolerance_mm for d in numbers.deviation_mm)
     _wall_legend(figure, job.leaves.tolerance_mm, bool(numbers.refused.any()), beyond)
@@ -125,30 +125,34 @@ def draw_wall(plan: CutPlan, job: CutJob, numbers: RodNumbers) -> str:
 
 
 def _leaves(
-    plan: CutPlan, job: CutJob, numbers: RodNumbers, curves: list[FloatArray], axes3: FloatArray, away: FloatArray
+    plan: CutPlan, job: CutJob, numbers: RodNumbers, curves: list[FloatArray], axes3: FloatArray, order: IntArray
 ) -> PolyCollection:
-    """From the farthest leaf to the nearest: a white curtain that hides what is behind, then the leaf on its hem."""
-    depth = [float(c.mean(axis=0)[:2] @ away) for c in curves]
+    """From the farthest leaf to the nearest: a white curtain that hides what is behind, then the leaf on its hem.
+
+    Thin lines from leaf to leaf show where the cut meets the block's sides.
+    """
     base = min(float(b.corner_mm[2]) for b in plan.blocks)
-    clear, white = to_rgba("none"), to_rgba("white")
+    clear, white, side = to_rgba("none"), to_rgba("white"), to_rgba(INK, 0.55)
     paths: list[FloatArray] = []
     fills: list[Any] = []
     edges: list[Any] = []
     widths: list[float] = []
-    for index in np.argsort(np.negative(depth), kind="stable"):
-        curve = curves[index]
+    behind: dict[int, FloatArray] = {}  # the last leaf of each block
+    for index in order:
+        curve, block = curves[index], plan.rods[index].block
         flat = curve @ axes3.T
         hem = np.stack([curve[[-1, 0], 0], curve[[-1, 0], 1], [base, base]], axis=1) @ axes3.T
+        sides = [np.stack([behind[block][end], flat[end]]) for end in (0, -1)] if block in behind else []
+        behind[block] = flat
         if numbers.refused[index]:
-            stretches, colours, width = [flat], [to_rgba(RED)], 1.6
+            stretches, colours, width = [flat], [to_rgba(RED)], 1.4
         else:
-            tolerance = job.leaves.tolerance_mm
-            stretches, colours = _coloured(flat, numbers.deviation_mm[index], tolerance)
+            stretches, colours = _coloured(flat, numbers.deviation_mm[index], job.leaves.tolerance_mm)
             width = 0.9
-        paths += [np.concatenate([flat, hem]), *stretches]
-        fills += [white] + [clear] * len(stretches)
-        edges += [clear, *colours]
-        widths += [0.0] + [width] * len(stretches)
+        paths += [np.concatenate([flat, hem]), *sides, *stretches]
+        fills += [white] + [clear] * (len(sides) + len(stretches))
+        edges += [clear, *[side] * len(sides), *colours]
+        widths += [0.0, *[0.6] * len(sides), *[width] * len(stretches)]
     return PolyCollection(paths, closed=False, facecolors=fills, edgecolors=edges, linewidths=widths, capstyle="round")
 
 
@@ -163,18 +167,28 @@ def _coloured(flat: FloatArray, deviation: FloatArray, limit: float) -> tuple[li
     return [flat[i : i + 9] for i in starts], list(colours)
 
 
-def _block_outline(ax: Any, block: Block, plan: CutPlan, curves: list[FloatArray], axes3: FloatArray) -> None:
-    """Where the cut meets the block's sides, and the block's number in the middle of its cut."""
-    inside = [c for r, c in zip(plan.rods, curves) if r.block == block.number]
-    if not inside:
-        return
-    for end in (0, -1):
-        ax.plot(*(np.array([c[end] for c in inside]) @ axes3.T).T, color=INK, lw=0.5, alpha=0.55)
-    middle = inside[len(inside) // 2]
-    ax.text(
-        *(axes3 @ middle[len(middle) // 2]), str(block.number), ha="center", va="center", fontsize=8,
-        bbox={"boxstyle": "circle,pad=0.25", "facecolor": "white", "edgecolor": FAINT, "linewidth": 0.6, "alpha": 0.9},
-    )  # fmt: skip
+def _block_numbers(ax: Any, plan: CutPlan, curves: list[FloatArray], axes3: FloatArray, order: IntArray) -> None:
+    """Each block's number as near to the middle of its cut as the cut can be seen; none where all of it is hidden."""
+    flats = [c @ axes3.T for c in curves]
+    across = np.linspace(min(f[:, 0].min() for f in flats), max(f[:, 0].max() for f in flats), 600)
+    horizon = np.full(across.shape, -np.inf)  # upper edge of all nearer leaves
+    seen: dict[int, list[tuple[FloatArray, FloatArray]]] = {}
+    for index in order[::-1]:
+        flat, middle = flats[index], len(flats[index]) // 2
+        if flat[middle, 1] >= np.interp(flat[middle, 0], across, horizon):
+            seen.setdefault(plan.rods[index].block, []).append((curves[index][middle], flat[middle]))
+        rising = flat if flat[0, 0] < flat[-1, 0] else flat[::-1]
+        edge = np.interp(across, rising[:, 0], rising[:, 1], left=-np.inf, right=-np.inf)
+        horizon = np.maximum(horizon, edge)
+    for block in plan.blocks:
+        if block.number not in seen:
+            continue
+        centre = (block.corner_mm + 0.5 * block.size_mm)[:2]
+        _, place = min(seen[block.number], key=lambda pair: float(np.hypot(*(pair[0][:2] - centre))))
+        ax.text(
+            *place, str(block.number), ha="center", va="center", fontsize=8,
+            bbox={"boxstyle": "circle,pad=0.25", "facecolor": "white", "edgecolor": FAINT, "lw": 0.6, "alpha": 0.9},
+        )  # fmt: skip
 
 
 def _axes_cross(ax: Any, axes3: FloatArray, size: FloatArray) -> None:
