@@ -107,13 +107,6 @@ class LeavesSection(Section):
         description="Greatest turn of a rod's end between successive leaves; where it is more, leaves are put between them.",
         examples=[12.0],
     )
-    max_turn_between_deg: float = Field(
-        default=plain.LeavesJob.max_turn_between_deg,
-        gt=0.0,
-        le=180.0,
-        description="Greatest turn of a rod's end between successive leaves; where it is more, leaves are put between.",
-        examples=[12.0],
-    )
     max_jump_mm: float = Field(
         default=plain.LeavesJob.max_jump_mm,
         gt=0.0,
