@@ -32,8 +32,8 @@ _SUMS = {"reassoc", "contract", "arcp", "nsz"}
 
 
 @njit(cache=True, error_model="numpy", fastmath=_SUMS)
-def _panel(f, left, width, row, nodes):
-    """Write x, y, κ and ds at the 24 nodes of [left, left + width] to columns `row` … of `nodes`; return their moments.
+def _panel(f, left, width, nodes):
+    """Write x, y, κ and ds at the 24 nodes of [left, left + width] to the rows of `nodes` (4, 24); return their moments.
 
     The curve starts at 0 and f is (f0x, f0y, f1x, f1y, f2x, f2y), the edges of its control polygon. γ' × γ'' is
     quadratic: 18 [(1−t)² f0×f1 + t(1−t) f0×f2 + t² f1×f2].
@@ -55,7 +55,7 @@ def _panel(f, left, width, row, nodes):
         y = ((c3y * t + c2y) * t + c1y) * t
         k = ((u * q0 + t * q1) * u + t * t * q2) / (speed2 * speed)
         w = speed * (width * WEIGHTS_24[i])
-        nodes[0, row + i], nodes[1, row + i], nodes[2, row + i], nodes[3, row + i] = x, y, k, w
+        nodes[0, i], nodes[1, i], nodes[2, i], nodes[3, i] = x, y, k, w
         wx, wy, wk = w * x, w * y, w * k
         s += w
         sx += wx
@@ -71,8 +71,8 @@ def _panel(f, left, width, row, nodes):
 
 
 @njit(cache=True, error_model="numpy", fastmath=_SUMS)
-def _solve(moments, nodes, n):
-    """Least squares of κ ≈ a + b x + c y: (a, b, c, ∫ds, ∫κ²ds, ∫residual² ds) from the moments and the first n nodes.
+def _solve(moments, nodes, panels):
+    """Least squares of κ ≈ a + b x + c y: (a, b, c, ∫ds, ∫κ²ds, ∫residual² ds) from the moments and the panels' nodes.
 
     Stable if y is not nearly proportional to x; a coordinate without variation of its own gets coefficient 0.
     """
@@ -94,9 +94,10 @@ def _solve(moments, nodes, n):
     if r2 > 1e-4 * skk:
         return a, b, c, s, skk, r2
     r2 = 0.0
-    for i in range(n):
-        r = nodes[2, i] - a - b * nodes[0, i] - c * nodes[1, i]
-        r2 += nodes[3, i] * r * r
+    for j in range(panels):
+        for i in range(24):
+            r = nodes[j, 2, i] - a - b * nodes[j, 0, i] - c * nodes[j, 1, i]
+            r2 += nodes[j, 3, i] * r * r
     return a, b, c, s, skk, r2
 
 
@@ -189,7 +190,7 @@ def _roots(f):
 
 @njit(cache=True, error_model="numpy")
 def _panels(f, condition, nodes):
-    """Nodes on dyadic panels that all meet `condition`: (moments, nodes written, whether a cusp was met)."""
+    """Nodes on dyadic panels that all meet `condition`: (moments, how many panels, whether a cusp was met)."""
     r1x, r1y, r2x, r2y = _roots(f)
     s = sx = sy = sk = sxx = sxy = syy = sxk = syk = skk = 0.0
     cusp = False
@@ -207,7 +208,7 @@ def _panels(f, condition, nodes):
             index, level, width = 2 * index, level + 1, 0.5 * width
             continue
         cusp = cusp or not fits
-        m = _panel(f, left, width, 24 * count, nodes)
+        m = _panel(f, left, width, nodes[count])
         s, sx, sy, sk, sxx = s + m[0], sx + m[1], sy + m[2], sk + m[3], sxx + m[4]
         sxy, syy, sxk, syk, skk = sxy + m[5], syy + m[6], sxk + m[7], syk + m[8], skk + m[9]
         count += 1
@@ -215,7 +216,7 @@ def _panels(f, condition, nodes):
         while index & 1 == 0:
             index, level, width = index >> 1, level - 1, 2.0 * width
         if level == 0 or count == MOST_PANELS:
-            return (s, sx, sy, sk, sxx, sxy, syy, sxk, syk, skk), 24 * count, cusp or level > 0
+            return (s, sx, sy, sk, sxx, sxy, syy, sxk, syk, skk), count, cusp or level > 0
 
 
 @njit(cache=True, error_model="numpy")
@@ -254,7 +255,7 @@ def curvature_fit_batch(control_points, condition, out):
 
     condition: from `panel_condition`, or 0 for one panel of 24 nodes whatever the curve.
     """
-    nodes = np.empty((4, 24 * MOST_PANELS if condition > 0.0 else 24))
+    nodes = np.empty((MOST_PANELS if condition > 0.0 else 1, 4, 24))
     for i in range(control_points.shape[0]):
         p = control_points[i]
         ux, uy, scale, f, flag = _frame(p)
@@ -262,10 +263,10 @@ def curvature_fit_batch(control_points, condition, out):
             _write_flat(flag, 0.0, out[i])
             continue
         if condition > 0.0:
-            moments, n, cusp = _panels(f, condition, nodes)
+            moments, panels, cusp = _panels(f, condition, nodes)
         else:
-            moments, n, cusp = _panel(f, 0.0, 1.0, 0, nodes), 24, False
+            moments, panels, cusp = _panel(f, 0.0, 1.0, nodes[0]), 1, False
         if flag > 0:
             _write_flat(flag, moments[0] * scale, out[i])
         else:
-            _write_fit(p, ux, uy, scale, _solve(moments, nodes, n), cusp, out[i])
+            _write_fit(p, ux, uy, scale, _solve(moments, nodes, panels), cusp, out[i])

@@ -16,11 +16,13 @@ from batten.curves.base import Curve
 from batten.curves.bezier import CubicBezier
 from batten.curves.polyline import Polyline
 from batten.errors import InvalidInputError
-from batten.kernels.bezier import curvature_fit_batch
+from batten.kernels.bezier import LAMBDA_RESIDUAL, RESIDUAL_SQUARED, curvature_fit_batch
 from batten.kernels.quadrature import DEEPEST, NODES_24, WEIGHTS_24, adaptive_panels, panel_condition
 from batten.typing import ArrayLike, FloatArray
 
 _EPS = float(np.finfo(np.float64).eps)
+#: Rows whose results stay in the cache.
+_CHUNK = 4096
 
 
 @dataclass(frozen=True)
@@ -58,7 +60,7 @@ def curvature_fit(curve: Curve | ArrayLike, *, tolerance: float | None = 1e-6) -
     Parameters:
         curve: a `Curve`, or control points of cubic Béziers, shape (…, 4, 2).
         tolerance: how far e_λ may be off, absolutely, in [1e-10, 0.1]. None takes one Gauss rule of 24 nodes on each
-            smooth piece, whatever the curve: about six times as fast, as published for interactive use, and off by 0.02
+            smooth piece, whatever the curve: about four times as fast, as published for interactive use, and off by 0.02
             at the 95th percentile and by up to 0.5 for random cubics, because curvature peaks fall between the nodes.
 
     Returns:
@@ -86,17 +88,19 @@ def curvature_fit(curve: Curve | ArrayLike, *, tolerance: float | None = 1e-6) -
         >>> fit.length.round(12).tolist(), np.ptp(fit.lambda_residual).round(12).tolist()
         ([2.0, 4.0], 0.0)
     """
-    condition = 0.0
-    if tolerance is not None:
-        if not 1e-10 <= tolerance <= 0.1:
-            raise InvalidInputError(f"the tolerance of e_λ lies in [1e-10, 0.1] or is None; got {tolerance}")
-        condition = panel_condition(tolerance)
+    condition = _condition(tolerance)
     if isinstance(curve, CubicBezier):
-        columns = _fit_cubics(curve.control_points, condition)
-        return CurvatureFit(*(float(v) for v in columns))
+        return CurvatureFit(*(float(v) for v in _fit_cubics(curve.control_points, condition, slice(0, 7))))
     if not isinstance(curve, np.ndarray | list | tuple) and isinstance(curve, Curve):
         return _fit_curve(curve, tolerance)
-    return CurvatureFit(*_fit_cubics(cubic_array(curve), condition))
+    columns = _fit_cubics(cubic_array(curve), condition, slice(0, 7))
+    return CurvatureFit(*(columns[..., i] for i in range(7)))
+
+
+def lambda_residual_of_cubics(control_points: ArrayLike, tolerance: float | None) -> FloatArray:
+    """The last field of `curvature_fit` alone, for control points of shape (…, 4, 2): fast for millions of rows."""
+    points = cubic_array(control_points)
+    return _fit_cubics(points, _condition(tolerance), slice(LAMBDA_RESIDUAL, None))[..., 0]
 
 
 @overload
@@ -151,15 +155,28 @@ def cubic_array(control_points: ArrayLike) -> FloatArray:
     return points
 
 
-def _fit_cubics(points: FloatArray, condition: float) -> tuple[FloatArray, ...]:
-    """The fields of `CurvatureFit` for cubics, each of the leading shape."""
+def _condition(tolerance: float | None) -> float:
+    """What the kernel takes for a tolerance of e_λ."""
+    if tolerance is None:
+        return 0.0
+    if not 1e-10 <= tolerance <= 0.1:
+        raise InvalidInputError(f"the tolerance of e_λ lies in [1e-10, 0.1] or is None; got {tolerance}")
+    return panel_condition(tolerance)
+
+
+def _fit_cubics(points: FloatArray, condition: float, columns: slice) -> FloatArray:
+    """Those columns of the kernel's result for cubics, ‖r‖² turned into ‖r‖: leading shape + (number of columns,)."""
     # One type of array for the kernel: writable and contiguous, else it would be compiled twice.
     rows = np.require(points.reshape(-1, 4, 2), requirements=["C", "W"])
-    out = np.empty((len(rows), 7))
-    curvature_fit_batch(rows, condition, out)
-    out[:, 2] = np.sqrt(out[:, 2])
-    shaped = out.reshape(*points.shape[:-2], 7)
-    return tuple(shaped[..., i] for i in range(7))
+    buffer = np.empty((min(len(rows), _CHUNK), 7))
+    out = np.empty((len(rows), len(range(7)[columns])))
+    for start in range(0, len(rows), _CHUNK):
+        chunk = rows[start : start + _CHUNK]
+        found = buffer[: len(chunk)]
+        curvature_fit_batch(chunk, condition, found)
+        np.sqrt(found[:, RESIDUAL_SQUARED], out=found[:, RESIDUAL_SQUARED])
+        out[start : start + _CHUNK] = found[:, columns]
+    return out.reshape(*points.shape[:-2], out.shape[1])
 
 
 def _fit_curve(curve: Curve, tolerance: float | None) -> CurvatureFit:

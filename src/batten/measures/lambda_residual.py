@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from typing import overload
 
+import numpy as np
+
 from batten.curves.base import Curve
-from batten.measures.curvature_fit import curvature_fit
+from batten.measures.curvature_fit import curvature_fit, lambda_residual_of_cubics
 from batten.typing import ArrayLike, FloatArray
 
 
@@ -30,7 +32,7 @@ def lambda_residual(curve: Curve | ArrayLike, *, tolerance: float | None = 1e-6)
     Raises:
         InvalidInputError: an array of another shape, a tolerance outside its range, a polyline.
 
-    Accuracy: within `tolerance`. A millionth costs about 0.7 µs a cubic, None about 0.1 µs.
+    Accuracy: within `tolerance`. A cubic takes about 0.1 µs with None and 0.4 µs with the default.
 
     Degenerate cases: 0 for a straight line, by definition; 1 at a cusp, at an end whose handle has length zero, and for a
     straight line that doubles back, where ∫κ² ds is infinite; NaN for a single point and for rows with NaN or infinity.
@@ -42,4 +44,6 @@ def lambda_residual(curve: Curve | ArrayLike, *, tolerance: float | None = 1e-6)
         >>> lambda_residual([[(0, 0), (1, 0), (2, 0), (3, 0)]]).tolist()
         [0.0]
     """
+    if isinstance(curve, np.ndarray | list | tuple):
+        return lambda_residual_of_cubics(curve, tolerance)
     return curvature_fit(curve, tolerance=tolerance).lambda_residual
