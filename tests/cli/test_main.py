@@ -18,7 +18,27 @@ from batten.cli.progress import StageProgress
 from batten.errors import ConvergenceError, LimitError
 
 WALL = Path(__file__).parents[2] / "examples/freeform-wall"
-JOB = (WALL / "wall.toml").read_text(encoding="utf-8")
+JOB = """\
+[surface]
+file = "freeform-surface.3dm"
+scale_mm_per_unit = 300.0
+[blocks]
+size_mm = [600.0, 600.0]
+direction = "u"
+[leaves]
+spacing_mm = 20.0
+tolerance_mm = 0.5
+[rod]
+length_mm = 1000.0
+diameter_mm = 3.0
+youngs_modulus_mpa = 200000.0
+max_strain = 0.008
+[blade]
+kerf_mm = 1.0
+speed_mm_s = 20.0
+[cell]
+preset = "two-irb6620"
+"""
 
 
 @pytest.fixture
