@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from batten.curves.bezier import CubicBezier
 from batten.curves.bspline import BSplineCurve
+from batten.curves.elastica import Elastica
 from batten.curves.polyline import Polyline
 from batten.curves.similarity import Similarity
 from batten.errors import InvalidInputError
@@ -68,6 +69,26 @@ def test_the_multipliers_of_an_elastica_come_back(elastica_from, angle, curvatur
     assert fit.lambda_residual < 1e-7
     assert multipliers(curve) == (fit.lambda_1, fit.lambda_2, fit.alpha)
     assert basic_length(curve) == pytest.approx(length**2 * np.hypot(*force), rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("start_angle", "curvature", "force", "length"),
+    [
+        (0.3, 2.0, (3.0, -1.0), 6.0),
+        (-1.0, 0.0, (40.0, 10.0), 9.0),
+        (0.0, 5.0, (1.0, 1.0), 12.0),
+        (0.5, 1e-3, (0.1, 0.2), 1.0),
+    ],
+)
+def test_our_own_elastica_have_no_residual(start_angle, curvature, force, length):
+    elastica = Elastica(
+        start=(0.2, 0.1), start_angle=start_angle, start_curvature=curvature, force=force, length=length
+    )
+    fit = curvature_fit(elastica)
+    assert fit.lambda_residual < 1e-12
+    assert complex(fit.lambda_1, fit.lambda_2) == pytest.approx(complex(*force), abs=1e-9)
+    assert fit.bending_energy == pytest.approx(elastica.bending_energy(), rel=1e-7)
+    assert fit.length == pytest.approx(length, rel=1e-13)
 
 
 def test_a_circle(arc):
@@ -144,12 +165,9 @@ def test_lines_points_and_cusps():
     doubled = [(0, 0), (2, 2), (-1, -1), (1, 1)]
     cusp = [(0, 0), (1, 1), (0, 1), (1, 0)]
     retracted = [(0, 0), (0, 0), (1, 1), (2, 0)]
-    for control in (np.array([line, doubled, cusp, retracted]), None):
-        if control is not None:
-            rows = _columns(curvature_fit(control))
-        else:
-            knots = [0, 0, 0, 0, 1, 1, 1, 1]
-            rows = np.stack([_columns(curvature_fit(BSplineCurve(knots, c))) for c in (line, doubled, cusp, retracted)])
+    control = np.array([line, doubled, cusp, retracted, [(1, 0), (-1, 1), (0, 1), (0, 1)]])
+    splines = [BSplineCurve([0, 0, 0, 0, 1, 1, 1, 1], c) for c in control]
+    for rows in (_columns(curvature_fit(control)), np.stack([_columns(curvature_fit(c)) for c in splines])):
         assert rows[0, 0] == pytest.approx(np.sqrt(5), rel=1e-9)
         np.testing.assert_array_equal(rows[0, 1:], np.zeros(6))
         for row in rows[1:]:

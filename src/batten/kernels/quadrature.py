@@ -45,7 +45,7 @@ def adaptive_panels(
     function: Callable[[NDArray[np.float64]], NDArray[np.float64]],
     breaks: NDArray[np.float64],
     tolerance: float,
-    most: int = 1024,
+    most: int = 256,
 ) -> tuple[NDArray[np.float64], bool]:
     """Edges of panels on each of which the 24-node rule has converged for every component of `function`.
 

@@ -17,7 +17,7 @@ from batten.curves.bezier import CubicBezier
 from batten.curves.polyline import Polyline
 from batten.errors import InvalidInputError
 from batten.kernels.bezier import LAMBDA_RESIDUAL, RESIDUAL_SQUARED, curvature_fit_batch
-from batten.kernels.quadrature import DEEPEST, NODES_24, WEIGHTS_24, adaptive_panels, panel_condition
+from batten.kernels.quadrature import NODES_24, WEIGHTS_24, adaptive_panels, panel_condition
 from batten.typing import ArrayLike, FloatArray
 
 _EPS = float(np.finfo(np.float64).eps)
@@ -77,7 +77,8 @@ def curvature_fit(curve: Curve | ArrayLike, *, tolerance: float | None = 1e-6) -
     Degenerate cases:
         - A straight line, to within the rounding of its coordinates: all zero but the length.
         - A cusp, an end whose handle has length zero, or a straight line that doubles back: ∫κ² ds diverges; energy
-          and residual norm are inf and e_λ = 1, its limit. With tolerance None neither is noticed for curved ones.
+          and residual norm are inf (or, where rounding turns a cusp into a near-cusp, very large) and e_λ = 1, its limit.
+          With tolerance None none of this is noticed on curved ones.
         - A single point: length 0, all else NaN. NaN or infinity in a row: that row is NaN, the others stand.
         - Corners between smooth pieces are not counted. A circle gives λ₁ = λ₂ = 0 to rounding.
 
@@ -213,7 +214,8 @@ def _fit_curve(curve: Curve, tolerance: float | None) -> CurvatureFit:
         doubles = forward.min() < -noise * np.abs(forward).max() and forward.max() > noise * np.abs(forward).max()
         infinite = np.inf if doubles else 0.0
         return CurvatureFit(length, infinite, infinite, 0.0, 0.0, 0.0, 1.0 if doubles else 0.0)
-    cusp = not converged and widths.min() < 2.0 ** (1 - DEEPEST) * np.diff(breaks).max()
+    # Rounding hides ever finer panels at a cusp; noise all over the curve never makes panels as narrow as this.
+    cusp = not converged and widths.min() < 2.0**-20 * np.diff(breaks).max()
     return _least_squares(z[:-1], u, start, np.where(speed > 0.0, kappa, 0.0), weights, cusp)
 
 
@@ -253,5 +255,5 @@ def _least_squares(
         float(-gradient.imag),
         float(gradient.real),
         float(alpha),
-        1.0 if cusp else min(1.0, residual / np.sqrt(energy)),
+        1.0 if cusp else min(1.0, float(residual / np.sqrt(energy))),
     )
