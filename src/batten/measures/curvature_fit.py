@@ -60,8 +60,8 @@ def curvature_fit(curve: Curve | ArrayLike, *, tolerance: float | None = 1e-6) -
     Parameters:
         curve: a `Curve`, or control points of cubic Béziers, shape (…, 4, 2).
         tolerance: how far e_λ may be off, absolutely, in [1e-10, 0.1]. None takes one Gauss rule of 24 nodes on each
-            smooth piece, whatever the curve: about four times as fast, as published for interactive use, and off by 0.02
-            at the 95th percentile and by up to 0.5 for random cubics, because curvature peaks fall between the nodes.
+            smooth piece, whatever the curve: about four times as fast, as published for interactive use, and off by 0.03
+            at the 95th percentile and by up to 0.9 for random cubics, because curvature peaks fall between the nodes.
 
     Returns:
         A `CurvatureFit`. All of it scales as it must; e_λ, L·∫κ², √L‖r‖ and L²√(λ₁²+λ₂²) are invariant under
