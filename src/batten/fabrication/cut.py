@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from batten.curves.elastica import Elastica
+from batten.curves.elastica import Elastica, states_at
 from batten.errors import InvalidInputError
 from batten.fabrication.checks.run import refusals, run_checks
 from batten.fabrication.job import CutJob
@@ -18,6 +18,7 @@ from batten.fabrication.robot.motion import plan_block_motion
 from batten.fabrication.wall import BladeAxis, Wall, axis_of
 from batten.surfaces.bspline_surface import BSplineSurface
 from batten.surfaces.foliation import intersect_planes
+from batten.surfaces.plane import Plane
 from batten.surfaces.rationalise import Chains, rationalise
 from batten.typing import FloatArray, IntArray
 
@@ -54,15 +55,7 @@ def plan_cut(job: CutJob, surface: BSplineSurface, progress: Progress | None = N
     cell = cell_from_job(job.cell)
     blocks = wall.blocks(job.blocks)
     turn_deg = _choose_turn(job, wall) if job.leaves.turn_deg == "auto" else float(job.leaves.turn_deg)
-    planes = wall.planes(job.leaves.spacing_mm, np.radians(turn_deg))
-    chains = rationalise(
-        surface,
-        planes,
-        wall.edges(planes),
-        _FIT_SHARE * job.leaves.tolerance_mm,
-        inside=wall.contains,
-        progress=lambda done, of: tell("fit elastica to the leaves", done, of),
-    )
+    chains = _fit_leaves(job, wall, wall.planes(job.leaves.spacing_mm, np.radians(turn_deg)), tell)
     rods = _place(job, wall, blocks, chains, turn_deg)
     tell("check the rods", 0, 2)
     checks = run_checks(job, surface, blocks, rods)
@@ -82,6 +75,42 @@ def plan_cut(job: CutJob, surface: BSplineSurface, progress: Progress | None = N
 
 _FIT_SHARE = 0.9
 """Share of the tolerance from which joints are moved: the distance is measured more finely in the checks."""
+
+
+def _fit_leaves(job: CutJob, wall: Wall, planes: tuple[Plane, ...], tell: Progress) -> Chains:
+    """Chains for all planes, with planes put between neighbours whose rods' ends point in too different directions."""
+
+    def fit(some: tuple[Plane, ...], stage: str) -> Chains:
+        return rationalise(
+            wall.surface,
+            some,
+            wall.edges(some),
+            _FIT_SHARE * job.leaves.tolerance_mm,
+            inside=wall.contains,
+            progress=lambda done, of: tell(stage, done, of),
+        )
+
+    chains = fit(planes, "fit elastica to the leaves")
+    for _ in range(3):
+        change = _end_turns(job, chains)
+        after = np.flatnonzero(change > np.radians(job.leaves.max_turn_between_deg))
+        if not after.size:
+            break
+        between = tuple(
+            replace(chains.planes[i], origin=0.5 * (chains.planes[i].origin + chains.planes[i + 1].origin))
+            for i in after
+        )
+        chains = chains.with_between(after, fit(between, "fit leaves between"))
+    return chains
+
+
+def _end_turns(job: CutJob, chains: Chains) -> FloatArray:
+    """Greatest turn of a rod's end between each leaf and the next, radians, shape (leaves − 1,); 0 where either is not cut."""
+    spare = job.rod.length_mm - chains.parameters[..., 6]
+    ends = [states_at(chains.parameters, -0.5 * spare + f * job.rod.length_mm)[..., 2] for f in (0.0, 1.0)]
+    turns = np.abs(np.diff(np.stack(ends), axis=1)).max(axis=0)
+    used = np.isfinite(chains.deviation)
+    return np.asarray(np.where(used[1:] & used[:-1], turns, 0.0).max(axis=1, initial=0.0))
 
 
 def _choose_wall(job: CutJob, surface: BSplineSurface) -> tuple[Wall, str]:

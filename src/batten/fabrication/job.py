@@ -62,6 +62,8 @@ class LeavesJob:
         tolerance_mm: greatest distance of a rod from the given surface within the block, mm.
         turn_deg: rotation of the leaves' planes about z in plan, degrees, counter-clockwise; "auto" searches the least
             one that leaves no straight leaf (Fisker2018 §5.4.3, Solution 1).
+        max_turn_between_deg: greatest turn of a rod's end between successive leaves, degrees; where it is more, leaves are
+            put between them.
         max_jump_mm: greatest jump of position between the rods of one leaf at a block border, mm.
         max_jump_deg: greatest jump of tangent there, degrees.
     """
@@ -69,6 +71,7 @@ class LeavesJob:
     spacing_mm: float = 20.0
     tolerance_mm: float = 0.5
     turn_deg: float | Literal["auto"] = 0.0
+    max_turn_between_deg: float = 12.0
     max_jump_mm: float = 0.01
     max_jump_deg: float = 0.01
 

@@ -22,7 +22,18 @@ from batten.io.report_numbers import (
     wall_order,
     worst_rod,
 )
-from batten.io.report_tables import amount, force_rows, job_tables, leaf_rows, quantity, spaced, table
+from batten.io.report_tables import (
+    amount,
+    force_rows,
+    halves,
+    job_tables,
+    quantity,
+    refused_rows,
+    repaired_rows,
+    repairs,
+    spaced,
+    table,
+)
 from batten.io.software import software_name
 
 _PICTURES = (  # key, heading, what is seen
@@ -133,7 +144,7 @@ def _figures(plan: CutPlan, job: CutJob, numbers: RodNumbers) -> str:
         ("wall", f"{size[0]:.3g} × {size[1]:.3g}", "m"),
         ("blocks", str(len(plan.blocks)), ""),
         ("leaves", str(len({r.leaf for r in plan.rods})), f"{len(plan.refused_leaves)} refused"),
-        ("rods", str(len(plan.rods)), f"{len({r.leaf for r in plan.rods if r.repair})} leaves repaired"),
+        ("rods", str(len(plan.rods)), f"{len(repairs(plan)[1])} leaves repaired"),
         (f"greatest deviation{of}", amount(deviation), f"mm of {job.leaves.tolerance_mm:g}"),
         (f"greatest strain{of}", amount(strain), f"% of {100 * job.rod.max_strain:g}"),
         (f"greatest force{of}", amount(float(numbers.force_n[cut].max())), "N"),
@@ -148,7 +159,7 @@ def _figures(plan: CutPlan, job: CutJob, numbers: RodNumbers) -> str:
 def _checks(plan: CutPlan) -> str:
     rows = [_check_row(plan, check) for check in plan.checks]
     head = ("check", "", "limit", "worst", "margin", "limit used", "where", "rods beyond")
-    return "<section><h2>Checks</h2>" + table(head, rows, numbers=(2, 3, 4, 7)) + "</section>"
+    return '<section class="checks"><h2>Checks</h2>' + table(head, rows, numbers=(2, 3, 4, 7)) + "</section>"
 
 
 def _check_row(plan: CutPlan, check: CheckResult) -> list[str]:
@@ -180,7 +191,7 @@ def _check_row(plan: CutPlan, check: CheckResult) -> list[str]:
     worst_text, margin = (html.escape(quantity(float(v[worst]), check.unit)) for v in (check.values, check.margins))
     if not limited:
         margin, bar = "–", ""
-    return [title, mark, limit, worst_text, margin, bar, where, f"{broken} of {len(plan.rods)}"]
+    return [title, mark, limit, worst_text, margin, bar, where, str(broken)]
 
 
 def _maps(plan: CutPlan) -> str:
@@ -208,14 +219,19 @@ def _map_title(check: CheckResult) -> str:
 
 
 def _leaves(plan: CutPlan) -> str:
-    rows, hidden = leaf_rows(plan)
-    if not rows:
-        return (
-            "<section><h2>Refused and repaired leaves</h2><p>None: every leaf was taken as it was given.</p></section>"
-        )
-    more = f'<p class="soft">{hidden} more repaired leaves: in cut.json.</p>' if hidden else ""
-    body = table(("leaves", "blocks", "", "what and why"), rows, numbers=())
-    return f'<section class="leaves"><h2>Refused and repaired leaves</h2>{body}{more}</section>'
+    parts = []
+    rows = refused_rows(plan)
+    if rows:
+        body = table(("leaves", "why"), rows, numbers=())
+        parts.append(f'<section class="leaves"><h2>Refused leaves</h2>{body}</section>')
+    common, own = repairs(plan)
+    lines, hidden = repaired_rows(own)
+    every = f"<p>All leaves: {html.escape('; '.join(common))}.</p>" if common else ""
+    some = halves(("leaves", "what was done"), lines, numbers=()) if lines else ""
+    none = "<p>None: every leaf was taken as it was given.</p>" if not (common or own) else ""
+    more = f'<p class="soft">{hidden} lines more: in cut.json.</p>' if hidden else ""
+    parts.append(f'<section class="leaves"><h2>Repaired leaves</h2>{every}{none}{some}{more}</section>')
+    return "".join(parts)
 
 
 def _picture_sections(plan: CutPlan, job: CutJob, numbers: RodNumbers) -> Sequence[str]:
@@ -246,13 +262,9 @@ def _forces(plan: CutPlan, numbers: RodNumbers) -> str:
 
 
 def _direction(plan: CutPlan) -> str:
-    facts = table(
-        ("fact", "value"),
-        [[html.escape(key.replace("_", " ")), _fact(value)] for key, value in plan.facts.items()],
-        numbers=(1,),
-    )
+    rows = [[html.escape(key.replace("_", " ")), _fact(value)] for key, value in plan.facts.items()]
     reason = html.escape(plan.direction_reason)
-    shown = f'<div class="two">{facts}</div>' if plan.facts else ""
+    shown = halves(("fact", "value"), rows, numbers=(1,)) if rows else ""
     return f"<section><h2>Direction and plan</h2><p>Blade along {plan.blade_axis}. {reason}</p>{shown}</section>"
 
 
@@ -267,15 +279,11 @@ def _job(job: CutJob) -> str:
 def _files(files: Mapping[str, str]) -> str:
     if not files:
         return ""
-    rows = [[f"<code>{html.escape(name)}</code>", f"<code>{sha[:16]}</code>"] for name, sha in sorted(files.items())]
-    half = (len(rows) + 1) // 2
-    halves = "".join(
-        table(("file", "SHA-256 begins"), part, numbers=(1,)) for part in (rows[:half], rows[half:]) if part
-    )
+    rows = [[f"<code>{html.escape(name)}</code>", f"<code>{sha[:12]}</code>"] for name, sha in sorted(files.items())]
     about = (
         "<p><code>batten check</code> on this folder compares every file with its sum and recomputes every check.</p>"
     )
-    return f'<section><h2>Files</h2>{about}<div class="halves">{halves}</div></section>'
+    return f"<section><h2>Files</h2>{about}{halves(('file', 'SHA-256 begins'), rows, numbers=(1,))}</section>"
 
 
 def _signature() -> str:

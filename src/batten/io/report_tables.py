@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import html
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -53,27 +53,46 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]], *, numbers: Sequen
     return f"<table><thead><tr>{top}</tr></thead>\n<tbody>\n{body}\n</tbody></table>"
 
 
-def leaf_rows(plan: CutPlan) -> tuple[list[list[str]], int]:
-    """The refused leaves, then the repaired ones, leaves of which the same is said in one line; how many are not listed."""
-    rows: dict[bool, list[list[str]]] = {True: [], False: []}
+def repairs(plan: CutPlan) -> tuple[tuple[str, ...], dict[int, tuple[str, ...]]]:
+    """What was done to all leaves alike, and what to some: leaf → texts, of the leaves that are cut."""
     refused = set(plan.refused_leaves)
-    texts: dict[int, dict[str, None]] = {}  # a dict for a set that keeps its order
-    blocks: dict[int, list[int]] = {}
+    said: dict[int, dict[str, None]] = {}  # a dict for a set that keeps its order
     for rod in plan.rods:
-        said = rod.reasons if rod.leaf in refused else rod.repair
-        texts.setdefault(rod.leaf, {}).update(dict.fromkeys(said))
-        if said or rod.status == "refused":
-            blocks.setdefault(rod.leaf, []).append(rod.block)
-    alike: dict[tuple[bool, tuple[str, ...]], list[int]] = {}
-    for leaf in sorted(texts):
-        if leaf in refused or texts[leaf]:
-            alike.setdefault((leaf in refused, tuple(texts[leaf])), []).append(leaf)
-    for (is_refused, said), leaves in alike.items():
-        mark = '<span class="mark bad">✗ refused</span>' if is_refused else '<span class="mark mild">repaired</span>'
-        what = "<br />".join(map(html.escape, said)) or "no reason given"
-        inside = leaf_ranges([block for leaf in leaves for block in blocks.get(leaf, [])])
-        rows[is_refused].append([leaf_ranges(leaves), inside, mark, what])
-    return rows[True] + rows[False][:MOST_REPAIRED], max(0, len(rows[False]) - MOST_REPAIRED)
+        if rod.leaf not in refused:
+            said.setdefault(rod.leaf, {}).update(dict.fromkeys(rod.repair))
+    first = next(iter(said.values()), {})
+    common = tuple(text for text in first if len(said) > 1 and all(text in texts for texts in said.values()))
+    own = {leaf: tuple(text for text in texts if text not in common) for leaf, texts in sorted(said.items())}
+    return common, {leaf: texts for leaf, texts in own.items() if texts}
+
+
+def repaired_rows(own: Mapping[int, tuple[str, ...]]) -> tuple[list[list[str]], int]:
+    """A line for the leaves to which the same was done, up to `MOST_REPAIRED`; and how many lines are left out."""
+    rows = _alike(own)
+    return rows[:MOST_REPAIRED], max(0, len(rows) - MOST_REPAIRED)
+
+
+def refused_rows(plan: CutPlan) -> list[list[str]]:
+    """A line for the refused leaves with the same reasons, all of them."""
+    reasons: dict[int, dict[str, None]] = {leaf: {} for leaf in plan.refused_leaves}
+    for rod in plan.rods:
+        if rod.leaf in reasons:
+            reasons[rod.leaf].update(dict.fromkeys(rod.reasons))
+    return _alike({leaf: tuple(texts) or ("no reason given",) for leaf, texts in reasons.items()})
+
+
+def _alike(said: Mapping[int, tuple[str, ...]]) -> list[list[str]]:
+    leaves: dict[tuple[str, ...], list[int]] = {}
+    for leaf, texts in said.items():
+        leaves.setdefault(texts, []).append(leaf)
+    return [[leaf_ranges(alike), "<br />".join(map(html.escape, texts))] for texts, alike in leaves.items()]
+
+
+def halves(head: Sequence[str], rows: Sequence[Sequence[str]], *, numbers: Sequence[int]) -> str:
+    """A long table of narrow rows as two tables side by side."""
+    half = (len(rows) + 1) // 2
+    parts = (part for part in (rows[:half], rows[half:]) if part)
+    return f'<div class="halves">{"".join(table(head, part, numbers=numbers) for part in parts)}</div>'
 
 
 def force_rows(plan: CutPlan, numbers: RodNumbers) -> list[list[str]]:

@@ -24,7 +24,11 @@ _ORDER = 22
 
 @njit(cache=True, no_cfunc_wrapper=True)
 def base_tangent_at(v, lam, big_m, delta, c, dc, w, dw, out):
-    """(S, C, D, J) at v in row 0 of `out` (3, 4), their derivatives with respect to λ and M in rows 1 and 2."""
+    """(S, C, D, J) at v in row 0 of `out` (3, 4), with derivatives in rows 1 and 2.
+
+    Row 1: by λ at fixed M, that is by Δ = λ − M; row 2: by λ and M together, at fixed Δ. Near k = 1 the former grows like
+    exp(2√λ v): apart, a motion that keeps Δ is not spoilt by it.
+    """
     swap = big_m > lam
     top = max(lam, big_m)
     p = min(lam, big_m) / top if top > 0.0 else 0.0
@@ -52,17 +56,15 @@ def base_tangent_at(v, lam, big_m, delta, c, dc, w, dw, out):
             j_max = j_max * x + (n * w[n] - p * dw[n])
     h3 = h * h2
     s, j = h * ps, h3 * pj
-    if swap:
-        sl, sm = h3 * s_min, h3 * s_max
-        jl, jm = h3 * h2 * j_min, h3 * h2 * j_max
-    else:
-        sl, sm = h3 * s_max, h3 * s_min
-        jl, jm = h3 * h2 * j_max, h3 * h2 * j_min
+    sl = h3 * (s_min if swap else s_max)
+    jl = h3 * h2 * (j_min if swap else j_max)
+    sm = h3 * (s_min + s_max)
+    jm = h3 * h2 * (j_min + j_max)
     s2 = s * s
     cc = math.sqrt(1.0 - lam * s2)
     dd = math.sqrt(1.0 - big_m * s2)
     cl = -(s2 + 2.0 * lam * s * sl) / (2.0 * cc)
-    cm = -(lam * s * sm) / cc
+    cm = -(s2 + 2.0 * lam * s * sm) / (2.0 * cc)
     dl = -(big_m * s * sl) / dd
     dm = -(s2 + 2.0 * big_m * s * sm) / (2.0 * dd)
     for _ in range(halvings):
@@ -77,7 +79,7 @@ def base_tangent_at(v, lam, big_m, delta, c, dc, w, dw, out):
         sn = 2.0 * scd * inv
         cn = (c2d2 - ds2) * inv
         dn = (c2d2 + ds2) * inv
-        # λ
+        # λ alone
         ds = 2.0 * s * sl
         dc2 = 2.0 * cc * cl
         dd2 = 2.0 * dd * dl
@@ -88,13 +90,13 @@ def base_tangent_at(v, lam, big_m, delta, c, dc, w, dw, out):
         cl = (dprod - ddel - cn * dden) * inv
         dl = (dprod + ddel - dn * dden) * inv
         jl = 2.0 * jl + ds * sn + s2 * sl_new
-        # M
+        # λ and M together
         ds = 2.0 * s * sm
         dc2 = 2.0 * cc * cm
         dd2 = 2.0 * dd * dm
-        dden = dc2 + lam * (ds * d2 + s2 * dd2)
+        dden = dc2 + s2 * d2 + lam * (ds * d2 + s2 * dd2)
         dprod = dc2 * d2 + c2 * dd2
-        ddel = delta * ds - s2
+        ddel = delta * ds
         sm_new = (2.0 * (sm * cc * dd + s * cm * dd + s * cc * dm) - sn * dden) * inv
         cm = (dprod - ddel - cn * dden) * inv
         dm = (dprod + ddel - dn * dden) * inv
@@ -133,16 +135,19 @@ def point_tangent(s, lam, q, a, c, delta, ser, dser, wer, dwer, base, out):
         if k == 0:
             ad, cd, qd, ld = 0.5 * c, -0.5 * a, 0.0, 0.0
             md = lam * a * c
+            deltad = -md
         elif k == 1:
             ad, cd, qd, ld = 0.0, 0.0, 1.0, 0.0
             md = 2.0 * q
+            deltad = -md
         else:
             ad, cd, qd, ld = 0.0, 0.0, 0.0, 1.0
             md = a * a
-        sd = base[1, 0] * ld + base[2, 0] * md
-        bcd = base[1, 1] * ld + base[2, 1] * md
-        bdd = base[1, 2] * ld + base[2, 2] * md
-        jd = base[1, 3] * ld + base[2, 3] * md
+            deltad = c * c
+        sd = base[1, 0] * deltad + base[2, 0] * md
+        bcd = base[1, 1] * deltad + base[2, 1] * md
+        bdd = base[1, 2] * deltad + base[2, 2] * md
+        jd = base[1, 3] * deltad + base[2, 3] * md
         s2ld = ld * s2 + 2.0 * lam * bs * sd
         d1 = 2.0 * bc * bcd + 2.0 * c * cd * s2l + c * c * s2ld
         amd = (ad * bc * bd + a * bcd * bd + a * bc * bdd + sd * c * q + bs * cd * q + bs * c * qd - am * d1) * inv1

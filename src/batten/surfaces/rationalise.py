@@ -53,6 +53,17 @@ class Chains:
     first_deviation: FloatArray
     lambda_residual: FloatArray
 
+    def with_between(self, after: IntArray, others: Chains) -> Chains:
+        """These chains with `others` put in, the k-th one behind chain `after[k]`."""
+        order = np.argsort(np.concatenate([np.arange(len(self.planes)), np.asarray(after) + 0.5]), kind="stable")
+        planes = (*self.planes, *others.planes)
+        arrays = (
+            np.concatenate([getattr(self, name), getattr(others, name)])[order]
+            for name in self.__dataclass_fields__
+            if name != "planes"
+        )
+        return Chains(tuple(planes[i] for i in order), *arrays)
+
 
 def rationalise(
     surface: BSplineSurface,
@@ -204,8 +215,8 @@ def _fit_pieces(
     corner = np.concatenate([edges[..., None], joints], axis=-1)
     ends = np.stack([corner[:, :-1], corner[:, 1:]], axis=2).reshape(m * c, 2, 3)
     held = replace(samples, ends=ends)
-    # A force of 50/ℓ² weighs as much as a third of the tolerance.
-    weight = 0.1 * (tolerance / float(np.median(samples.lengths)) / 50.0) ** 2
+    # A force of 50/ℓ² weighs as much as a distance of twice the tolerance.
+    weight = 4.0 * (tolerance / float(np.median(samples.lengths)) / 50.0) ** 2
     if given is None:
         fits = fit_samples(held, ends="tangents", starts=2, force_weight=weight)
     else:

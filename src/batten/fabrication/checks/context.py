@@ -135,15 +135,22 @@ class CheckContext:
             pairs=_successive(index, leaf),
         )
 
-    def piece_within(self, count: int) -> FloatArray:
-        """`count` points in the plane at equal steps along what lies of each piece in its block, (n, count, 2); or NaN."""
+    def piece_within(self, count: int, *, whole: bool = False) -> FloatArray:
+        """`count` points in the plane at equal steps along what lies of each piece in its block, (n, count, 2); or NaN.
+
+        With `whole`, along the whole piece if any of it lies there, and a fiftieth of it beyond both ends.
+        """
         first, last = self.inside.T
+        if whole:
+            first, last = np.where(np.isnan(first), np.nan, -0.02), np.where(np.isnan(last), np.nan, 1.02)
         part = shifted(self.piece_parameters, first * self.piece_parameters[:, 6])
         part[:, 6] *= last - first
         return points_batch(part, np.linspace(0.0, 1.0, count))
 
-    def design_within(self, count: int) -> FloatArray:
+    def design_within(self, count: int, *, whole: bool = False) -> FloatArray:
         """`count` points along what lies of each design curve in its block, (n, count, 2); NaN where nothing does.
+
+        With `whole`, along the whole curve if any of it lies there.
 
         A cubic spline through the design's points is used, so that their own spacing does not count.
         """
@@ -154,6 +161,8 @@ class CheckContext:
             design = np.stack([self.rods[i].design for i in some])
             world = to_world(self.origin[some], self.frame[some], design)
             span = _interval(_plan_depth(world, self.box_low[some], self.box_high[some]))
+            if whole:
+                span = np.where(np.isnan(span), np.nan, [0.0, 1.0])
             t = span[:, :1] + (span[:, 1:] - span[:, :1]) * np.linspace(0.0, 1.0, count)
             known = np.isfinite(t).all(axis=1) & np.isfinite(design).all(axis=(1, 2))
             out[some[known]] = _along(design[known], t[known] * (size - 1))
