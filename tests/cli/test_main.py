@@ -286,6 +286,17 @@ def test_progress_is_plain_where_there_is_no_terminal(capsys, monkeypatch):
         progress("slow", 0, 1)
         progress("slow", 1, 1)
     assert capsys.readouterr().err == "slow: 1.5 s\n"
+    clock = iter([0.0, 5.0])
+
+    def fail_after_a_slow_stage():
+        with StageProgress() as progress:
+            progress("slow", 0, 1)
+            progress("slow", 1, 1)
+            raise LimitError
+
+    with pytest.raises(LimitError):
+        fail_after_a_slow_stage()
+    assert capsys.readouterr().err == "", "an error is told in one line, and that line alone"
 
 
 def test_progress_draws_bars_on_a_terminal(monkeypatch, capsys):

@@ -1,4 +1,4 @@
-"""Progress on stderr: bars on a terminal, elsewhere one plain line for what took over a second."""
+"""Progress on stderr: bars on a terminal; elsewhere, when all is done, a plain line for each stage of over a second."""
 
 from __future__ import annotations
 
@@ -20,6 +20,7 @@ class StageProgress:
         self._bars: Progress | None = None
         self._tasks: dict[str, TaskID] = {}
         self._began: dict[str, float] = {}
+        self._took: dict[str, float] = {}
 
     def __enter__(self) -> StageProgress:
         if sys.stderr.isatty():
@@ -44,11 +45,14 @@ class StageProgress:
             if stage not in self._tasks:
                 self._tasks[stage] = self._bars.add_task(stage, total=total)
             self._bars.update(self._tasks[stage], completed=done, total=total)
-        elif done >= total and now - self._began[stage] >= _SLOW_S:
-            print(f"{stage}: {now - self._began[stage]:.1f} s", file=sys.stderr)
+        self._took[stage] = now - self._began[stage]
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         if self._bars is not None:
             self._bars.stop()
+        elif error is None:  # an error is told in one line, and that line alone
+            for stage, seconds in self._took.items():
+                if seconds >= _SLOW_S:
+                    print(f"{stage}: {seconds:.1f} s", file=sys.stderr)
