@@ -25,7 +25,7 @@ def test_the_rods_that_are_cut_and_no_others(tmp_path, make_plan, blade_axis):
         np.testing.assert_allclose(row.end_mm, right.position_mm, rtol=0, atol=5.1e-7)
         np.testing.assert_allclose(row.start_tangent, left.tangent, rtol=0, atol=5.1e-10)
         np.testing.assert_allclose(row.end_tangent, right.tangent, rtol=0, atol=5.1e-10)
-        np.testing.assert_allclose(row.plane_normal, rod.plane.normal, rtol=0, atol=5.1e-10)
+        np.testing.assert_allclose(row.plane_normal, left.normal, rtol=0, atol=5.1e-10)
         assert row.length_mm == pytest.approx(rod.rod.length, abs=5.1e-7)
         assert abs(row.start_tangent @ row.plane_normal) < 1e-8
         assert abs((row.end_mm - row.start_mm) @ row.plane_normal) < 1e-5
@@ -61,7 +61,8 @@ def test_a_rod_is_rebuilt_from_its_line_within_a_tenth_of_a_micrometre(tmp_path,
         turn = rod.rod.start_angle
         back = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
         force = back @ rod.rod.force
-        guess = np.array([rod.rod.start_curvature * 1e3, *force * 1e6]) * 1.05
+        mirror = np.sign(row.plane_normal @ rod.plane.normal)  # the table's normal is the way of the sweep
+        guess = np.array([mirror * rod.rod.start_curvature * 1e3, force[0] * 1e6, mirror * force[1] * 1e6]) * 1.05
         wanted = rod.plane.to_world(rod.rod.point_at(np.linspace(0.0, rod.rod.length, 41)))
         assert np.abs(rebuilt(row, guess) - wanted).max() < 1e-4
 
