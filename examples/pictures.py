@@ -1,6 +1,6 @@
 """The picture of README.md, drawn from a job by batten itself: a wall as it is cut, and one of its blocks with its rods.
 
-python examples/pictures.py [JOB.toml [PICTURE.png]]
+python examples/pictures.py [JOB.toml [PICTURE.png [BLOCK]]]
 """
 
 from __future__ import annotations
@@ -10,9 +10,10 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.collections import PolyCollection
 from matplotlib.colors import LinearSegmentedColormap, to_rgb
 from matplotlib.figure import Figure
+from PIL import Image
 
 from batten.fabrication.cut import plan_cut
 from batten.io.job import load_job
@@ -20,14 +21,15 @@ from batten.io.job_surface import read_job_surface
 from batten.surfaces.deviation import surface_deviation
 
 EXAMPLES = Path(__file__).resolve().parent
-INK, SOFT, FOAM, REFUSED = "#1c2733", "#66727f", "#ece7d9", "#d24a12"
-DEVIATION = LinearSegmentedColormap.from_list("deviation", ["#eef4f9", "#9cc5e2", "#3d83b8", "#123f6d"])
-SUN = np.array([-0.45, -0.35, 0.82])
-ALONG = 17  # points on every piece
+INK, SOFT, FOAM, REFUSED = "#1c2733", "#66727f", "#e9e2cf", "#d24a12"
+DEVIATION = LinearSegmentedColormap.from_list("deviation", ["#f3f7fa", "#9cc8e4", "#3d87bd", "#123f6d"])
+SUN = np.array([-0.62, -0.05, 0.78])
+GRID = 33  # points of a block's cut, each way
+DPI = 104
 
 
 class View:
-    """A parallel projection: the eye looks down at `lift` degrees, turned by `turn` degrees about z."""
+    """A parallel projection: the eye looks down at `lift` degrees and is turned by `turn` degrees about z."""
 
     def __init__(self, turn, lift):
         a, b = np.radians([turn, lift])
@@ -43,126 +45,168 @@ class View:
         return points @ self.away
 
 
-def shade(colours, normals):
-    """Colours in the light that falls on faces."""
-    light = 0.72 + 0.36 * np.clip(normals @ (SUN / np.linalg.norm(SUN)), 0.0, 1.0)
-    return np.clip(np.asarray(colours) * light[:, None], 0.0, 1.0)
+class Cut:
+    """What the blade leaves of one block: the strips between its successive positions, on a grid over the block's plan."""
+
+    def __init__(self, plan, block, surface, limit):
+        self.block = block
+        self.rods = [r for r in plan.rods if r.block == block.number]
+        u, v = np.meshgrid(*(np.linspace(0.0, 1.0, GRID),) * 2, indexing="ij")
+        plan_points = block.corner_mm[:2] + np.stack([u, v], axis=-1) * block.size_mm[:2]
+        heights, offsets = [], []
+        for rod in self.rods:
+            piece = rod.piece.point(np.linspace(0.0, 1.0, 129))
+            x, _ = np.moveaxis(rod.plane.to_plane(np.dstack([plan_points, np.zeros_like(u)])), -1, 0)
+            heights.append(np.interp(x, *piece.T) + rod.plane.origin[2])
+            offsets.append((plan_points - rod.plane.origin[:2]) @ rod.plane.normal[:2])
+        offset = np.array(offsets)  # (rods, GRID, GRID), monotone in the first index
+        sign = np.sign(offset[-1, 0, 0] - offset[0, 0, 0])
+        before = np.clip((sign * offset < 0.0).sum(axis=0) - 1, 0, len(self.rods) - 2)[None]
+        a, b = (np.take_along_axis(offset, before + i, axis=0)[0] for i in (0, 1))
+        share = np.clip(a / (a - b), 0.0, 1.0)
+        low, high = (np.take_along_axis(np.array(heights), before + i, axis=0)[0] for i in (0, 1))
+        self.points = np.dstack([plan_points, (1.0 - share) * low + share * high])
+        self.colours = DEVIATION(np.abs(surface_deviation(surface, self.points).signed) / limit)[..., :3]
+        refused = np.array([r.status == "refused" for r in self.rods])
+        self.colours[(refused[before[0]] | refused[before[0] + 1])] = to_rgb(REFUSED)
+
+    def top(self, view):
+        """Faces (k, 4, 3) of the cut from far to near, and their colours."""
+        p, c = self.points, self.colours
+        quads = np.stack([p[:-1, :-1], p[1:, :-1], p[1:, 1:], p[:-1, 1:]], axis=2).reshape(-1, 4, 3)
+        colours = (0.25 * (c[:-1, :-1] + c[1:, :-1] + c[1:, 1:] + c[:-1, 1:])).reshape(-1, 3)
+        normals = np.cross(quads[:, 2] - quads[:, 0], quads[:, 3] - quads[:, 1])
+        normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+        order = np.argsort(-view.depth(quads.mean(axis=1)), kind="stable")
+        return quads[order], lit(colours[order], normals[order])
+
+    def sides(self, view, bottom):
+        """The sides of the block below the cut that face the eye, and their colours."""
+        p = self.points
+        faces, colours = [], []
+        edges = ((p[:, 0], (0, -1)), (p[-1], (1, 0)), (p[::-1, -1], (0, 1)), (p[0, ::-1], (-1, 0)))
+        for edge, normal in edges:
+            out = np.array([*normal, 0.0])
+            if out @ view.away < 0.0:
+                foot = edge[[-1, 0]].copy()
+                foot[:, 2] = bottom
+                faces.append(np.concatenate([edge, foot]))
+                colours.append(np.array(to_rgb(FOAM)) * (0.97 if out[0] else 0.85))
+        return faces, colours
+
+    def border(self):
+        p = self.points
+        return np.concatenate([p[:, 0], p[-1], p[::-1, -1], p[0, ::-1]])
 
 
-def cut_faces(rods, points, deviation, limit):
-    """The strips that the blade cuts between its successive positions in one block: faces (k, 4, 3) and colours (k, 3)."""
-    faces, colours = [], []
-    for i in range(len(rods) - 1):
-        quad = np.stack([points[i, :-1], points[i, 1:], points[i + 1, 1:], points[i + 1, :-1]], axis=1)
-        normal = np.cross(quad[:, 2] - quad[:, 0], quad[:, 3] - quad[:, 1])
-        normal *= np.where(normal[:, 2:] < 0.0, -1.0, 1.0) / np.linalg.norm(normal, axis=1, keepdims=True)
-        if "refused" in (rods[i].status, rods[i + 1].status):
-            own = np.tile(to_rgb(REFUSED), (len(quad), 1))
-        else:
-            own = DEVIATION(deviation[i, :-1] / limit)[:, :3]
-        faces.append(quad)
-        colours.append(shade(own, normal))
-    return np.concatenate(faces), np.concatenate(colours)
+def lit(colours, normals):
+    """Colours (k, 3) of faces with these normals, in the light."""
+    light = 0.62 + 0.42 * np.clip(normals @ (SUN / np.linalg.norm(SUN)), 0.0, 1.0)
+    return np.clip(colours * light[:, None], 0.0, 1.0)
 
 
-def side_faces(points, bottom):
-    """The block's four sides below the cut, as faces (4 polygons of many corners) and colours."""
-    faces = []
-    for edge in (points[0], points[-1, ::-1], points[::-1, 0], points[:, -1]):
-        foot = edge[[-1, 0]].copy()
-        foot[:, 2] = bottom
-        faces.append(np.concatenate([edge, foot]))
-    normals = []
-    for face in faces:
-        run = face[-2] - face[-1]
-        out = np.cross(run, [0.0, 0.0, 1.0])
-        normals.append(out / max(np.linalg.norm(out), 1e-9))
-    return faces, normals
+def draw_cut(axes, view, cut, bottom):
+    """One block as it is cut; blocks are drawn from far to near."""
+    quads, colours = cut.top(view)
+    axes.add_collection(PolyCollection(view.flat(quads), facecolors=colours, edgecolors=colours, linewidths=0.3))
+    axes.add_collection(PolyCollection([view.flat(cut.border())], facecolors="none", edgecolors=SOFT, linewidths=0.4))
+    faces, colours = cut.sides(view, bottom)
+    axes.add_collection(
+        PolyCollection([view.flat(f) for f in faces], facecolors=colours, edgecolors=SOFT, linewidths=0.4)
+    )
 
 
-def draw_block(axes, view, rods, points, deviation, limit, bottom):
-    """One block as it is cut: sides that face the eye, then the cut itself, from far to near."""
-    faces, normals = side_faces(points, bottom)
-    for face, normal in zip(faces, normals):
-        normal = normal if normal @ (face[0] - points.mean(axis=(0, 1))) > 0 else -normal
-        if normal @ view.away < 0.0:
-            colour = shade([to_rgb(FOAM)], normal[None])[0]
-            axes.add_collection(
-                PolyCollection([view.flat(face)], facecolors=[colour], edgecolors="#b9b3a2", linewidths=0.4)
-            )
-    quads, colours = cut_faces(rods, points, deviation, limit)
-    order = np.argsort(-view.depth(quads.mean(axis=1)), kind="stable")
-    flat = view.flat(quads)[order]
-    axes.add_collection(PolyCollection(flat, facecolors=colours[order], edgecolors=colours[order], linewidths=0.25))
+def draw_rods(axes, view, cut):
+    """One block with some of its rods from gripper to gripper: behind it, on the cut, and in front of it."""
+    low, high = cut.block.corner_mm, cut.block.corner_mm + cut.block.size_mm
+    chosen = cut.rods[2:-2:5] or cut.rods[::5]
+    behind, upon, before, ends = [], [], [], []
+    for rod in chosen:
+        points = rod.plane.to_world(rod.rod.point(np.linspace(0.0, 1.0, 401)))
+        middle = 0.5 * (points[1:] + points[:-1])
+        beyond = np.where(middle < low, -1.0, np.where(middle > high, 1.0, 0.0)) * [1, 1, 0]
+        for segment, side in zip(np.stack([points[:-1], points[1:]], axis=1), beyond @ view.away):
+            (upon if side == 0.0 else behind if side > 0.0 else before).append(segment)
+        ends += [points[0], points[-1]]
+    style = {"facecolors": "none", "capstyle": "round", "closed": False}
+    axes.add_collection(
+        PolyCollection(view.flat(np.reshape(behind, (-1, 2, 3))), edgecolors=INK, linewidths=1.1, **style)
+    )
+    quads, colours = cut.top(view)
+    lines = np.reshape(upon, (-1, 2, 3))
+    # Rods and faces of the cut together, from far to near: a hill hides the rods behind it.
+    place = np.concatenate([view.depth(quads.mean(axis=1)), view.depth(lines.mean(axis=1)) - 12.0])
+    paths = [*view.flat(quads), *view.flat(lines)]
+    clear = np.zeros((len(lines), 4))
+    face = np.concatenate([np.c_[colours, np.ones(len(colours))], clear])
+    edge = np.concatenate([np.c_[colours, np.ones(len(colours))], np.tile([*to_rgb(INK), 1.0], (len(lines), 1))])
+    width = np.concatenate([np.full(len(quads), 0.3), np.full(len(lines), 1.1)])
+    order = np.argsort(-place, kind="stable")
+    axes.add_collection(
+        PolyCollection(
+            [paths[i] for i in order],
+            facecolors=face[order],
+            edgecolors=edge[order],
+            linewidths=width[order],
+            closed=False,
+        )
+    )
+    faces, colours = cut.sides(view, float(low[2]))
+    axes.add_collection(
+        PolyCollection([view.flat(f) for f in faces], facecolors=colours, edgecolors=SOFT, linewidths=0.5)
+    )
+    axes.add_collection(
+        PolyCollection(view.flat(np.reshape(before, (-1, 2, 3))), edgecolors=INK, linewidths=1.1, **style)
+    )
+    axes.plot(*view.flat(np.array(ends)).T, "o", ms=5.0, mfc="white", mec=INK, mew=1.0)
 
 
-def draw(plan, surface, job, path, featured=None):
+def draw(plan, surface, job, path, featured):
     """Both parts of the picture, side by side, into a PNG file."""
     limit = job.leaves.tolerance_mm
-    members = {b.number: [r for r in plan.rods if r.block == b.number] for b in plan.blocks}
-    points, deviation = {}, {}
-    t = np.linspace(0.0, 1.0, ALONG)
-    for number, rods in members.items():
-        points[number] = np.array([r.plane.to_world(r.piece.point(t)) for r in rods])
-        deviation[number] = np.abs(surface_deviation(surface, points[number]).signed)
-    view = View(-28.0 if plan.blade_axis == "x" else 62.0, 33.0)
-    figure = Figure(figsize=(12.0, 5.1), dpi=120)
-    wall, detail = figure.add_axes((0.0, 0.0, 0.6, 1.0)), figure.add_axes((0.6, 0.02, 0.4, 0.93))
-    far_to_near = sorted(plan.blocks, key=lambda b: -view.depth(b.corner_mm + 0.5 * b.size_mm))
+    view = View(-30.0 if plan.blade_axis == "x" else 60.0, 36.0)
+    cuts = {b.number: Cut(plan, b, surface, limit) for b in plan.blocks}
+    figure = Figure(figsize=(12.0, 5.0), dpi=DPI)
+    wall, detail = figure.add_axes((0.0, 0.0, 0.58, 1.0)), figure.add_axes((0.6, 0.03, 0.39, 0.88))
     base = min(float(b.corner_mm[2]) for b in plan.blocks)
+    far_to_near = sorted(plan.blocks, key=lambda b: -view.depth(np.array([*(b.corner_mm + 0.5 * b.size_mm)[:2], 0.0])))
     for block in far_to_near:
-        n = block.number
-        draw_block(wall, view, members[n], points[n], deviation[n], limit, base)
-    number = featured or far_to_near[-1].number
-    block, rods = plan.block(number), members[number]
-    outline = view.flat(points[number][:, [0, -1]].transpose(1, 0, 2).reshape(-1, 3))
-    _ring(wall, view, points[number])
-    draw_rods(detail, view, block, rods, points[number], deviation[number], limit, job)
-    del outline
+        draw_cut(wall, view, cuts[block.number], base)
+    wall.plot(*view.flat(cuts[featured].border()).T, color=INK, lw=1.3)
+    draw_rods(detail, view, cuts[featured])
     for axes in (wall, detail):
         axes.set_aspect("equal")
         axes.set_axis_off()
         axes.autoscale_view()
-        axes.margins(0.02)
-    _legend(figure, plan, block, rods, limit)
-    FigureCanvasAgg(figure)
-    figure.savefig(path, dpi=120, pil_kwargs={"optimize": True})
+    _words(figure, plan, cuts[featured], limit)
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    pixels = np.asarray(canvas.buffer_rgba())[..., :3].astype(np.int64)
+    pixels = np.minimum((pixels + 3) // 6 * 6, 255).astype(np.uint8)  # fewer colours make a smaller file
+    Image.fromarray(pixels).save(path, optimize=True)
 
 
-def _ring(axes, view, points):
-    border = np.concatenate([points[0], points[:, -1], points[-1, ::-1], points[::-1, 0]])
-    axes.plot(*view.flat(border).T, color=INK, lw=1.1)
-
-
-def draw_rods(axes, view, block, rods, points, deviation, limit, job):
-    """One block with every fourth of its rods, from gripper to gripper."""
-    draw_block(axes, view, rods, points, deviation, limit, float(block.corner_mm[2]))
-    s = np.linspace(0.0, 1.0, 65)
-    chosen = [i for i in range(len(rods)) if i % 5 == 0]
-    whole = np.array([rods[i].plane.to_world(rods[i].rod.point(s)) for i in chosen])
-    axes.add_collection(LineCollection(view.flat(whole), colors=INK, linewidths=0.9, capstyle="round"))
-    ends = view.flat(whole[:, [0, -1]].reshape(-1, 3))
-    axes.plot(*ends.T, "o", ms=4.5, mfc="white", mec=INK, mew=0.9)
-
-
-def _legend(figure, plan, block, rods, limit):
-    bar = figure.add_axes((0.03, 0.9, 0.14, 0.022))
+def _words(figure, plan, cut, limit):
+    bar = figure.add_axes((0.03, 0.9, 0.13, 0.022))
     bar.imshow(np.linspace(0, 1, 128)[None], cmap=DEVIATION, aspect="auto", extent=(0, limit, 0, 1))
     bar.set_yticks([])
     bar.set_xticks([0.0, limit], labels=["0", f"{limit:g} mm"])
-    bar.tick_params(length=0, labelsize=8, labelcolor=INK, pad=2)
-    bar.set_title("deviation from the surface", loc="left", fontsize=8.5, color=INK, pad=3)
+    bar.tick_params(length=0, labelsize=8.5, labelcolor=INK, pad=2)
+    bar.set_title("deviation from the design", loc="left", fontsize=9, color=INK, pad=3)
     for spine in bar.spines.values():
         spine.set_visible(False)
+    length = cut.rods[0].rod.length
+    text = f"block {cut.block.number} with every fifth of its rods, each {length / 1000:g} m from gripper to gripper"
+    figure.text(0.6, 0.95, text, color=INK, fontsize=9, va="center")
 
 
 def main(arguments):
     job = load_job(arguments[0] if arguments else EXAMPLES / "freeform-wall" / "wall.toml")
     path = Path(arguments[1]) if len(arguments) > 1 else EXAMPLES.parent / "docs" / "pictures" / "wall.png"
+    featured = int(arguments[2]) if len(arguments) > 2 else 16
     surface = read_job_surface(job.surface)
-    plan = plan_cut(job, surface)
     path.parent.mkdir(parents=True, exist_ok=True)
-    draw(plan, surface, job, path)
+    draw(plan_cut(job, surface), surface, job, path, featured)
     print(f"{path}: {path.stat().st_size / 1000:.0f} kB")
 
 
