@@ -1,9 +1,12 @@
 """Least-distance fit of an elastica to a sampled curve, with end conditions held exactly.
 
-Parameters are taken about the *middle* of the segment, (x, y, θ, κ, λ₁, λ₂) there and the length ℓ, so that neither end is
-far away. The curve is normalised to length 1 by the caller. Every iterate meets the end conditions. A step minimises a
-quadratic model in their null space: the Gauss–Newton model while it pays, then the exact Hessian of the Lagrangian (by
-differences of exact gradients) with its eigenvalues taken positive, damped as Levenberg and Marquardt do.
+The unknowns describe the elastica at the *middle* of the segment, so that neither end is far away, and keep its shape apart
+from where it lies: (x, y, θ, κℓ, f₁, f₂, ℓ) with f = ℓ² R₋θ(λ₁, λ₂). Then x, y, θ and ℓ are a similarity about the middle,
+and the shape has three numbers without dimension. The curve is normalised to length 1 by the caller.
+
+Every iterate meets the end conditions. A step minimises a quadratic model in their null space: the Gauss–Newton model while
+it pays, then the exact Hessian of the Lagrangian (by differences of exact gradients) with its eigenvalues taken positive,
+damped as Levenberg and Marquardt do.
 """
 
 import math
@@ -20,18 +23,31 @@ FIT_CONVERGED, FIT_ITERATIONS, FIT_INFEASIBLE, FIT_BAD = 0, 1, 2, 3
 
 
 @njit(cache=True, no_cfunc_wrapper=True)
+def force_form(mid):
+    """(κ, λ₁, λ₂) of the unknowns."""
+    c, s, inv = math.cos(mid[2]), math.sin(mid[2]), 1.0 / (mid[6] * mid[6])
+    return mid[3] / mid[6], inv * (c * mid[4] - s * mid[5]), inv * (s * mid[4] + c * mid[5])
+
+
+@njit(cache=True, no_cfunc_wrapper=True)
 def sample_middle(mid, fractions, s, values, jac):
-    """Values (n, 4) at `fractions` of the length, and derivatives (n, 3, 7) by the mid parameters."""
+    """Values (n, 4) at `fractions` of the length, and derivatives (n, 3, 7) by the unknowns."""
     n = fractions.shape[0]
+    ell = mid[6]
     for i in range(n):
-        s[i] = (fractions[i] - 0.5) * mid[6]
-    constants = elastica_constants(mid[2], mid[3], mid[4], mid[5])
-    jacobian(mid[0], mid[1], mid[2], mid[3], mid[4], mid[5], constants, s[:n], values, jac)
+        s[i] = (fractions[i] - 0.5) * ell
+    kappa, fx, fy = force_form(mid)
+    jacobian(mid[0], mid[1], mid[2], kappa, fx, fy, elastica_constants(mid[2], kappa, fx, fy), s[:n], values, jac)
+    c, sn, inv = math.cos(mid[2]), math.sin(mid[2]), 1.0 / (ell * ell)
     for i in range(n):
-        f = fractions[i] - 0.5
-        jac[i, 0, 6] = f * math.cos(values[i, 2])
-        jac[i, 1, 6] = f * math.sin(values[i, 2])
-        jac[i, 2, 6] = f * values[i, 3]
+        dx, dy = values[i, 0] - mid[0], values[i, 1] - mid[1]
+        for r in range(3):
+            jac[i, r, 3] /= ell
+            by_x, by_y = jac[i, r, 4], jac[i, r, 5]
+            jac[i, r, 4] = inv * (c * by_x + sn * by_y)
+            jac[i, r, 5] = inv * (c * by_y - sn * by_x)
+        jac[i, 0, 2], jac[i, 1, 2], jac[i, 2, 2] = -dy, dx, 1.0
+        jac[i, 0, 6], jac[i, 1, 6], jac[i, 2, 6] = dx / ell, dy / ell, 0.0
 
 
 @njit(cache=True, no_cfunc_wrapper=True)
@@ -81,7 +97,8 @@ def _objective(mid, points, theta, weights, fractions, h1, ridge, s, values):
     n = weights.shape[0]
     for i in range(n):
         s[i] = (fractions[i] - 0.5) * mid[6]
-    evaluate(mid[0], mid[1], mid[2], elastica_constants(mid[2], mid[3], mid[4], mid[5]), s, values)
+    kappa, fx, fy = force_form(mid)
+    evaluate(mid[0], mid[1], mid[2], elastica_constants(mid[2], kappa, fx, fy), s, values)
     total = ridge * (mid[4] ** 2 + mid[5] ** 2)
     for i in range(1, n - 1):
         dx, dy = values[i, 0] - points[i, 0], values[i, 1] - points[i, 1]
@@ -279,7 +296,7 @@ def fit_from(mid, points, theta, weights, fractions, ends, m, h1, ridge, max_ite
             for k in range(7):
                 trial[k] += out[k]
             new = math.inf
-            if 1e-6 < trial[6] < 50.0 and abs(trial[3]) < 1e4 and restore(trial, tips, ends, m, s, values, jac, c, a):
+            if 1e-6 < trial[6] < 50.0 and abs(trial[3]) < 1e5 and restore(trial, tips, ends, m, s, values, jac, c, a):
                 new = _objective(trial, points, theta, weights, fractions, h1, ridge, s, values)
             if new < value:
                 if value - new > 0.75 * decrease:

@@ -6,12 +6,24 @@ import numpy as np
 from numba import njit
 
 from batten.kernels.elastica import elastica_constants, evaluate
-from batten.kernels.elastica_fit import FIT_BAD, fit_from
+from batten.kernels.elastica_fit import FIT_BAD, FIT_ITERATIONS, fit_from, force_form
 from batten.kernels.initial_guess import GUESS_BAD, initial_guess, multipliers
 
 # How many different starts there are: the canonical guess; the affine curvature of eq. (6) integrated from the middle; the
 # same fitted in H¹ first; the mean circle; half the force; a larger force; the opposite curvature in the middle.
 MAX_STARTS = 7
+_FIRST_LAP = 15  # iterations that every start gets
+FIT_GAVE_UP = 9  # within this module: it has had its iterations
+
+
+@njit(cache=True, no_cfunc_wrapper=True)
+def to_unknowns(mid, fx, fy, length):
+    """Complete (x, y, θ, κ) at the middle to the unknowns of `elastica_fit`, in place."""
+    c, s = math.cos(mid[2]), math.sin(mid[2])
+    mid[3] *= length
+    mid[4] = length * length * (c * fx + s * fy)
+    mid[5] = length * length * (c * fy - s * fx)
+    mid[6] = length
 
 
 @njit(cache=True, no_cfunc_wrapper=True)
@@ -23,8 +35,7 @@ def make_start(which, points, theta, kappa, weights, fractions, guess, mid):
         evaluate(guess[0], guess[1], guess[2], elastica_constants(guess[2], guess[3], guess[4], guess[5]), s, state)
         for k in range(4):
             mid[k] = state[0, k]
-        for k in range(4, 7):
-            mid[k] = guess[k]
+        to_unknowns(mid, guess[4], guess[5], guess[6])
         return math.isfinite(guess[0])
     l1, l2, _, _, _, _ = multipliers(points, kappa, weights)
     nearest, mean, mx, my = 0, 0.0, 0.0, 0.0
@@ -50,8 +61,61 @@ def make_start(which, points, theta, kappa, weights, fractions, guess, mid):
     evaluate(x, y, theta[nearest], elastica_constants(theta[nearest], curvature, l1, l2), s, state)
     for k in range(4):
         mid[k] = state[0, k]
-    mid[4], mid[5], mid[6] = l1, l2, 1.0
+    to_unknowns(mid, l1, l2, 1.0)
     return math.isfinite(mid[0] + mid[1] + mid[2] + mid[3])
+
+
+@njit(cache=True, no_cfunc_wrapper=True)
+def fit_starts(p, th, k, w, f, e, guess, m, h1, ridge, starts, max_iterations, result):
+    """The best of several starts for one curve of length 1; (status, F, iterations, √(predicted decrease)).
+
+    Every start gets a few iterations; then the best goes on until it is done, and the next if it is not far behind.
+    """
+    inner = slice(1, w.shape[0] - 1)
+    mid, trial = np.empty(7), np.empty(7)
+    found, values, states = np.empty((starts, 7)), np.full(starts, math.inf), np.full(starts, FIT_BAD)
+    optimalities = np.full(starts, math.inf)
+    total = 0
+    first = max_iterations if starts == 1 else min(_FIRST_LAP, max_iterations)
+    for which in range(starts):
+        if which == 2 and h1:
+            continue
+        if not make_start(which, p[inner], th[inner], k[inner], w[inner], f[inner], guess, mid):
+            continue
+        # Start 2 runs in H¹ first, then once more in the metric that was asked for.
+        for stage in range(2 if which == 2 else 1):
+            states[which], values[which], iterations, optimalities[which] = fit_from(
+                mid, p, th, w, f, e, m, h1 or (which == 2 and stage == 0), ridge, first, trial
+            )
+            total += iterations
+            mid[:] = trial
+        found[which] = trial
+        if values[which] < 1e-24:
+            break
+    best = np.argmin(values)
+    for _ in range(2):
+        # The best one goes on if it is not done, then the next, if it is not far behind.
+        chosen = -1
+        for which in range(starts):
+            near = values[which] < 4.0 * values[best] and states[which] == FIT_ITERATIONS
+            if near and (chosen < 0 or values[which] < values[chosen]):
+                chosen = which
+        if chosen < 0 or first == max_iterations:
+            break
+        mid[:] = found[chosen]
+        states[chosen], values[chosen], iterations, optimalities[chosen] = fit_from(
+            mid, p, th, w, f, e, m, h1, ridge, max_iterations - first, trial
+        )
+        total += iterations
+        found[chosen] = trial
+        if states[chosen] == FIT_ITERATIONS:
+            states[chosen] = FIT_GAVE_UP
+        best = np.argmin(values)
+    for which in range(starts):
+        if states[which] == FIT_GAVE_UP:
+            states[which] = FIT_ITERATIONS
+    result[:] = found[best]
+    return states[best], values[best], total, optimalities[best]
 
 
 @njit(cache=True, no_cfunc_wrapper=True)
@@ -77,12 +141,12 @@ def fit_batch(
 
     Info: distance, R₁, R₂, R₃, R₄ of the canonical guess, iterations over all starts, √(predicted decrease). The samples
     (see `CurveSamples`) may have any unit; everything inside is scaled to length 1. m: end conditions, 0, 4 or 6. A finite
-    row of `given` (b, 7), force form at the start, takes the place of the canonical guess. ridge: weight of |λ|²L⁴.
+    row of `given` (b, 7), force form at the start, takes the place of the canonical guess. ridge: weight of |λ|²ℓ⁴.
     """
     n = weights.shape[1]
     p, th, k, w, f = np.zeros((n + 2, 2)), np.zeros(n + 2), np.zeros(n + 2), np.zeros(n + 2), np.zeros(n + 2)
     e, guess, residuals = np.empty((2, 3)), np.empty(7), np.empty(4)
-    mid, trial = np.empty(7), np.empty(7)
+    result = np.empty(7)
     for b in range(lengths.shape[0]):
         length = lengths[b]
         x0, y0 = points[b, n // 2, 0], points[b, n // 2, 1]
@@ -112,35 +176,15 @@ def fit_batch(
             guess[0] = math.nan
         for j in range(4):
             info[b, 1 + j] = residuals[j]
-        best = math.inf
-        for which in range(starts):
-            if which == 2 and h1:
-                continue
-            if not make_start(which, p[inner], th[inner], k[inner], w[inner], f[inner], guess, mid):
-                continue
-            # Start 2 runs in H¹ first, then once more in the metric that was asked for.
-            for stage in range(2 if which == 2 else 1):
-                first = which == 2 and stage == 0
-                state, value, iterations, optimality = fit_from(
-                    mid, p, th, w, f, e, m, h1 or first, ridge, 25 if first else max_iterations, trial
-                )
-                info[b, 5] += iterations
-                if first:
-                    mid[:] = trial
-            if value < best:
-                best = value
-                status[b] = state
-                info[b, 6] = optimality
-                params[b, 0], params[b, 1], params[b, 2] = x0 + length * trial[0], y0 + length * trial[1], trial[2]
-                params[b, 3] = trial[3] / length
-                params[b, 4], params[b, 5] = trial[4] / length**2, trial[5] / length**2
-                params[b, 6] = trial[6] * length
-            elif status[b] == FIT_BAD:
-                status[b] = state
-            if best < 1e-24:
-                break
+        status[b], best, info[b, 5], info[b, 6] = fit_starts(
+            p, th, k, w, f, e, guess, m, h1, ridge, starts, max_iterations, result
+        )
         if math.isfinite(best):
-            force = (params[b, 4] ** 2 + params[b, 5] ** 2) * length**4
+            params[b, 0], params[b, 1], params[b, 2] = x0 + length * result[0], y0 + length * result[1], result[2]
+            bend, fx, fy = force_form(result)
+            params[b, 3], params[b, 4], params[b, 5] = bend / length, fx / length**2, fy / length**2
+            params[b, 6] = result[6] * length
+            force = (params[b, 4] ** 2 + params[b, 5] ** 2) * params[b, 6] ** 4
             info[b, 0] = math.sqrt(max(2.0 * best - ridge * force, 0.0))
 
 

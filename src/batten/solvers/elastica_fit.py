@@ -78,7 +78,7 @@ def fit_samples(
     """`fit_elastica_batch` for curves that are already sampled; leading shape (b,).
 
     `given`, shape (b, 7), are parameters to start from in place of the canonical guess; a row of NaN asks for the guess.
-    `force_weight` ≥ 0 adds force_weight·|λ|²L⁴ to the squared normalised distance: of shapes that are equally near, the one
+    `force_weight` ≥ 0 adds force_weight·|λ|²ℓ⁴ to the squared normalised distance: of shapes that are equally near, the one
     with less end force, which bends less beyond its ends. `distance` is without it.
     """
     if metric not in ("L2", "H1"):
