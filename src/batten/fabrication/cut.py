@@ -9,7 +9,7 @@ import numpy as np
 
 from batten.curves.elastica import Elastica, states_at
 from batten.errors import InvalidInputError
-from batten.fabrication.checks.run import refusals, run_checks
+from batten.fabrication.checks.run import refusals, robot_checks, rod_checks, run_checks
 from batten.fabrication.job import CutJob
 from batten.fabrication.placement import bow, rod_placement
 from batten.fabrication.plan import Block, BlockMotion, CheckResult, CutPlan, RodPlacement
@@ -57,18 +57,12 @@ def plan_cut(job: CutJob, surface: BSplineSurface, progress: Progress | None = N
     turn_deg = _choose_turn(job, wall) if job.leaves.turn_deg == "auto" else float(job.leaves.turn_deg)
     chains = _fit_leaves(job, wall, wall.planes(job.leaves.spacing_mm, np.radians(turn_deg)), tell)
     rods = _place(job, wall, blocks, chains, turn_deg)
-    tell("check the rods", 0, 2)
-    checks = run_checks(job, surface, blocks, rods)
+    tell("check the rods", 0, 1)
+    checks = rod_checks(job, surface, blocks, rods)
     rods = _refuse(rods, refusals(checks, rods))
-    motions = _move(job, cell, blocks, rods, wall.blade_axis, tell)
-    tell("check the rods", 1, 2)
-    checks = run_checks(job, surface, blocks, rods, motions, cell)
-    reasons = refusals(checks, rods)
-    if _refused_leaves(_refuse(rods, reasons)) != _refused_leaves(rods):  # the robots cannot do some: plan without them
-        rods = _refuse(rods, reasons)
-        motions = _move(job, cell, blocks, rods, wall.blade_axis, tell)
-    rods = _refuse(rods, reasons)
-    tell("check the rods", 2, 2)
+    tell("check the rods", 1, 1)
+    rods, motions, by_robots = _plan_robots(job, cell, blocks, rods, wall.blade_axis, tell)
+    checks += by_robots
     facts = _facts(job, wall, blocks, rods, chains, turn_deg)
     return CutPlan(job.name, wall.blade_axis, reason, blocks, rods, checks, motions, facts)
 
@@ -220,6 +214,33 @@ def _refuse(rods: tuple[RodPlacement, ...], reasons: dict[int, tuple[str, ...]])
 
 def _refused_leaves(rods: tuple[RodPlacement, ...]) -> set[int]:
     return {r.leaf for r in rods if r.status == "refused"}
+
+
+def _plan_robots(
+    job: CutJob,
+    cell: RobotCell,
+    blocks: tuple[Block, ...],
+    rods: tuple[RodPlacement, ...],
+    blade_axis: BladeAxis,
+    tell: Progress,
+) -> tuple[tuple[RodPlacement, ...], tuple[BlockMotion, ...], tuple[CheckResult, ...]]:
+    """Motions for the leaves that are left; those that the robots cannot do are refused, and the others planned again.
+
+    The checks hold the values of the final motions, and for leaves that were refused those that refused them.
+    """
+    checks: tuple[CheckResult, ...] = ()
+    while True:
+        motions = _move(job, cell, blocks, rods, blade_axis, tell)
+        new = robot_checks(motions, cell, len(rods))
+        if checks:
+            new = tuple(
+                replace(c, values=np.where(np.isnan(c.values), old.values, c.values)) for c, old in zip(new, checks)
+            )
+        refused = _refused_leaves(rods)
+        reasons = {leaf: why for leaf, why in refusals(new, rods).items() if leaf not in refused}
+        rods, checks = _refuse(rods, reasons), new or checks
+        if not reasons:
+            return rods, motions, checks
 
 
 def _move(

@@ -50,8 +50,15 @@ def run_checks(
     Raises:
         InvalidInputError: motions without a cell, a rod in a block that is not there.
     """
+    return rod_checks(job, surface, blocks, rods) + robot_checks(motions, cell, len(rods))
+
+
+def rod_checks(
+    job: CutJob, surface: BSplineSurface, blocks: Sequence[Block], rods: Sequence[RodPlacement]
+) -> tuple[CheckResult, ...]:
+    """The checks of `run_checks` that need no robot."""
     context = CheckContext.of(job, surface, blocks, rods)
-    checks = [
+    return (
         strain_check(context),
         *deviation_checks(context),
         *continuity_checks(context),
@@ -60,16 +67,18 @@ def run_checks(
         *straightness_checks(context),
         speed_ratio_check(context),
         *forces_checks(context),
-    ]
-    if motions:
-        if cell is None:
-            raise InvalidInputError(
-                f"{len(motions)} motions were given without the robot cell they belong to; pass cell="
-            )
-        from batten.fabrication.checks.reach import reach_checks
+    )
 
-        checks += reach_checks(motions, cell, len(rods))
-    return tuple(checks)
+
+def robot_checks(motions: Sequence[BlockMotion], cell: RobotCell | None, rods: int) -> tuple[CheckResult, ...]:
+    """The checks of `run_checks` that need the robots' motions; none without motions. `rods`: how many the plan has."""
+    if not motions:
+        return ()
+    if cell is None:
+        raise InvalidInputError(f"{len(motions)} motions were given without the robot cell they belong to; pass cell=")
+    from batten.fabrication.checks.reach import reach_checks
+
+    return tuple(reach_checks(motions, cell, rods))
 
 
 def refusals(checks: Sequence[CheckResult], rods: Sequence[RodPlacement]) -> dict[int, tuple[str, ...]]:
