@@ -99,7 +99,7 @@ def _fit_leaves(job: CutJob, wall: Wall, planes: tuple[Plane, ...], tell: Progre
 
 
 def _end_turns(job: CutJob, chains: Chains) -> FloatArray:
-    """Greatest turn of a rod's end between each leaf and the next, radians, shape (leaves − 1,); 0 where either is not cut."""
+    """Greatest turn of a rod's end between each leaf and the next, radians, (leaves − 1,); 0 where either is not cut."""
     spare = job.rod.length_mm - chains.parameters[..., 6]
     ends = [states_at(chains.parameters, -0.5 * spare + f * job.rod.length_mm)[..., 2] for f in (0.0, 1.0)]
     turns = np.abs(np.diff(np.stack(ends), axis=1)).max(axis=0)
@@ -232,11 +232,10 @@ def _plan_robots(
     while True:
         motions = _move(job, cell, blocks, rods, blade_axis, tell)
         new = robot_checks(motions, cell, len(rods))
-        if checks:
-            new = tuple(
-                replace(c, values=np.where(np.isnan(c.values), old.values, c.values)) for c, old in zip(new, checks)
-            )
         refused = _refused_leaves(rods)
+        if checks:
+            gone = np.array([rod.status == "refused" for rod in rods])
+            new = tuple(replace(c, values=np.where(gone, old.values, c.values)) for c, old in zip(new, checks))
         reasons = {leaf: why for leaf, why in refusals(new, rods).items() if leaf not in refused}
         rods, checks = _refuse(rods, reasons), new or checks
         if not reasons:
