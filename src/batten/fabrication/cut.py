@@ -12,7 +12,7 @@ from batten.errors import InvalidInputError
 from batten.fabrication.checks.run import refusals, robot_checks, rod_checks, run_checks
 from batten.fabrication.job import CutJob
 from batten.fabrication.placement import bow, rod_placement
-from batten.fabrication.plan import Block, BlockMotion, CheckResult, CutPlan, RodPlacement
+from batten.fabrication.plan import Block, BlockMotion, CheckResult, CutPlan, RodPlacement, gripper_frames
 from batten.fabrication.robot.cell import RobotCell, cell_from_job
 from batten.fabrication.robot.motion import plan_block_motion
 from batten.fabrication.wall import BladeAxis, Wall, axis_of
@@ -28,7 +28,8 @@ TURNS_DEG = (0.0, 2.0, -2.0, 3.0, -3.0, 4.0, -4.0, 6.0, -6.0, 8.0, -8.0, 10.0, -
 """Turns that `turn_deg = "auto"` tries, in this order (Fisker2018 §5.4.3, Solution 1)."""
 
 _DESIGN_POINTS = 41
-_GOOD_LAMBDA_RESIDUAL = 0.4  # Brander2018 §3
+# Classes of the λ-residual of a piece (Brander2018 §3): close to an elastica below the first, far above the second.
+_CLOSE_LAMBDA_RESIDUAL, _GOOD_LAMBDA_RESIDUAL = 0.22, 0.4
 
 
 def plan_cut(job: CutJob, surface: BSplineSurface, progress: Progress | None = None) -> CutPlan:
@@ -262,14 +263,12 @@ def _move(
         if not chosen:
             continue
         to_work = np.linalg.inv(block.work_frame(blade_axis))
-        ends = []
-        for side in range(2):
-            frames = [rods[i].grippers()[side] for i in chosen]
-            positions = np.array([f.position_mm for f in frames]) @ to_work[:3, :3].T + to_work[:3, 3]
-            directions = (
-                np.array([getattr(f, name) for f in frames]) @ to_work[:3, :3].T for name in ("tangent", "normal")
-            )
-            ends.append((positions, *directions))
+        rotation, origin = to_work[:3, :3].T, to_work[:3, 3]
+        frames = gripper_frames([rods[i] for i in chosen])
+        ends = [
+            (frames.positions_mm[:, k] @ rotation + origin, frames.tangents[:, k] @ rotation, frames.normals @ rotation)
+            for k in range(2)
+        ]
         half = 0.5 * float(block.size_mm[1 if blade_axis == "x" else 0])
         first = min(float(p[0][0, 1]) for p in ends)
         last = max(float(p[0][-1, 1]) for p in ends)
@@ -299,7 +298,7 @@ def _facts(
 ) -> dict[str, float | int | str]:
     used: IntArray = np.flatnonzero(np.isfinite(chains.deviation).any(axis=1))
     residual = np.where(np.isfinite(chains.deviation), chains.lambda_residual, np.nan)
-    poor = np.nanmax(residual[used], axis=1) > _GOOD_LAMBDA_RESIDUAL
+    worst = np.nanmax(residual[used], axis=1)
     refused = _refused_leaves(rods)
     return {
         "blocks": len(blocks),
@@ -310,7 +309,8 @@ def _facts(
         "refused_leaves": len(refused),
         "turn_deg": turn_deg,
         "repaired_leaves": len({r.leaf for r in rods if any("joints" in text for text in r.repair)}),
-        "leaves_not_close_to_elastica": int(poor.sum()),
+        "leaves_not_close_to_elastica": int((worst > _CLOSE_LAMBDA_RESIDUAL).sum()),
+        "leaves_far_from_elastica": int((worst > _GOOD_LAMBDA_RESIDUAL).sum()),
         "worst_lambda_residual": float(np.nanmax(residual)),
         "pieces_outside_tolerance_before_repair": int((chains.first_deviation > job.leaves.tolerance_mm).sum()),
         "worst_deviation_before_repair_mm": float(np.nanmax(chains.first_deviation)),
@@ -321,17 +321,10 @@ def _facts(
 
 def _cut_seconds(job: CutJob, rods: tuple[RodPlacement, ...]) -> float:
     """Time that the blade spends in the foam: for every block, the way of the faster end over the speed."""
-    total = 0.0
-    previous: RodPlacement | None = None
-    for rod in (r for r in rods if r.status == "ok"):
-        if previous is not None and previous.block == rod.block:
-            ways = (
-                float(np.linalg.norm(b.position_mm - a.position_mm))
-                for a, b in zip(previous.grippers(), rod.grippers())
-            )
-            total += max(ways) / job.blade.speed_mm_s
-        previous = rod
-    return total
+    cut = [r for r in rods if r.status == "ok"]
+    ways = np.linalg.norm(np.diff(gripper_frames(cut).positions_mm, axis=0), axis=2).max(axis=1)
+    same_block = np.diff([r.block for r in cut]) == 0
+    return float(ways[same_block].sum()) / job.blade.speed_mm_s
 
 
 def check_again(plan: CutPlan, job: CutJob, surface: BSplineSurface) -> tuple[CheckResult, ...]:

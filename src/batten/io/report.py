@@ -262,10 +262,21 @@ def _forces(plan: CutPlan, numbers: RodNumbers) -> str:
 
 
 def _direction(plan: CutPlan) -> str:
-    rows = [[html.escape(key.replace("_", " ")), _fact(value)] for key, value in plan.facts.items()]
+    rows = [[html.escape(fact_title(key)), _fact(value)] for key, value in plan.facts.items()]
     reason = html.escape(plan.direction_reason)
     shown = halves(("fact", "value"), rows, numbers=(1,)) if rows else ""
-    return f"<section><h2>Direction and plan</h2><p>Blade along {plan.blade_axis}. {reason}</p>{shown}</section>"
+    return f"<section><h2>Direction and plan</h2><p>The blade lies along wall {plan.blade_axis}: {reason}.</p>{shown}</section>"
+
+
+_UNITS = {"mm": "mm", "s": "s", "deg": "°"}
+
+
+def fact_title(key: str) -> str:
+    """The name of a fact for people: its words, and its unit behind a comma."""
+    words = key.split("_")
+    unit = _UNITS.get(words[-1])
+    text = " ".join(words[:-1] if unit else words).replace("lambda residual", "λ-residual")
+    return f"{text}, {unit}" if unit else text
 
 
 def _fact(value: float | int | str) -> str:

@@ -16,6 +16,7 @@ from batten.typing import ArrayLike, FloatArray, IntArray
 
 Metric = Literal["L2", "H1"]
 Ends = Literal["free", "points", "tangents"]
+Solver = Literal["batten", "ipopt"]
 
 _CONDITIONS = {"free": 0, "points": 4, "tangents": 6}
 STATUS = ("converged", "iteration limit", "end conditions cannot be met from any start", "bad input")
@@ -138,6 +139,7 @@ def fit_elastica(
     starts: int = 4,
     nodes: int = 32,
     max_iterations: int = 100,
+    solver: Solver = "batten",
 ) -> ElasticaFit:
     """The elastica of least distance to a curve (Brander2016 §4), with the chosen end conditions.
 
@@ -150,6 +152,7 @@ def fit_elastica(
         ends: "free", "points" (end points held) or "tangents" (end points and end tangents held).
         starts: 1 takes only the canonical initial guess; up to 7 add others (curvature integrated, H¹, circle, forces).
         nodes: Gauss nodes on each smooth piece.
+        solver: "batten", or "ipopt" for the independent reference (extra `verify`): one start, the canonical guess.
 
     Returns:
         An `ElasticaFit`. The end conditions hold to 1e-12 × length.
@@ -167,6 +170,10 @@ def fit_elastica(
     samples = curve if isinstance(curve, CurveSamples) else samples_of(curve, nodes=nodes)[0]
     if len(samples) != 1:
         raise InvalidInputError(f"fit_elastica takes one curve; got {len(samples)}; use fit_elastica_batch")
+    if solver == "ipopt":
+        return _fit_by_ipopt(samples, metric, ends)
+    if solver != "batten":
+        raise InvalidInputError(f"solver is 'batten' or 'ipopt'; got {solver!r}")
     fits = fit_samples(samples, metric=metric, ends=ends, starts=starts, max_iterations=max_iterations)
     status = int(fits.status[0])
     if status == 3:
@@ -186,4 +193,23 @@ def fit_elastica(
         iterations=int(fits.iterations[0]),
         optimality=float(fits.optimality[0]),
         status=STATUS[status],
+    )
+
+
+def _fit_by_ipopt(samples: CurveSamples, metric: Metric, ends: Ends) -> ElasticaFit:
+    from batten.solvers.elastica_fit_ipopt import fit_elastica_ipopt
+    from batten.solvers.initial_guess import initial_elastica
+
+    guess = initial_elastica(samples)
+    fit = fit_elastica_ipopt(samples, guess.elastica.parameters, metric=metric, ends=ends)
+    return ElasticaFit(
+        elastica=Elastica.from_parameters(fit.parameters),
+        distance=fit.distance,
+        r1=guess.r1,
+        r2=guess.r2,
+        r3=guess.r3,
+        r4=guess.r4,
+        iterations=fit.iterations,
+        optimality=float("nan"),
+        status=STATUS[0] if fit.status == "Solve_Succeeded" else fit.status,
     )
