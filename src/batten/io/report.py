@@ -265,7 +265,8 @@ def _direction(plan: CutPlan) -> str:
     rows = [[html.escape(fact_title(key)), _fact(value)] for key, value in plan.facts.items()]
     reason = html.escape(plan.direction_reason)
     shown = halves(("fact", "value"), rows, numbers=(1,)) if rows else ""
-    return f"<section><h2>Direction and plan</h2><p>The blade lies along wall {plan.blade_axis}: {reason}.</p>{shown}</section>"
+    text = f"<p>The blade lies along wall {plan.blade_axis}: {reason}.</p>"
+    return f"<section><h2>Direction and plan</h2>{text}{shown}</section>"
 
 
 _UNITS = {"mm": "mm", "s": "s", "deg": "°"}
