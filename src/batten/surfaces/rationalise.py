@@ -216,7 +216,8 @@ def _fit_pieces(
     ends = np.stack([corner[:, :-1], corner[:, 1:]], axis=2).reshape(m * c, 2, 3)
     held = replace(samples, ends=ends)
     # A force of 50/ℓ² weighs as much as a distance of twice the tolerance.
-    weight = 4.0 * (tolerance / float(np.median(samples.lengths)) / 50.0) ** 2
+    known = samples.lengths[np.isfinite(samples.lengths)]
+    weight = 4.0 * (tolerance / float(np.median(known)) / 50.0) ** 2 if known.size else 0.0
     if given is None:
         fits = fit_samples(held, ends="tangents", starts=2, force_weight=weight)
     else:
