@@ -398,12 +398,23 @@ def points_batch(parameters: ArrayLike, fractions: ArrayLike) -> FloatArray:
 
 def states_at(parameters: ArrayLike, s: ArrayLike) -> FloatArray:
     """(x, y, θ, κ) on many elastica, at one arc length each: `parameters` (…, 7), s (…); shape (…, 4); NaN as above."""
+    return states_along(parameters, np.asarray(s, dtype=np.float64)[..., None])[..., 0, :]
+
+
+def states_along(parameters: ArrayLike, s: ArrayLike) -> FloatArray:
+    """(x, y, θ, κ) on many elastica, at m arc lengths each: `parameters` (…, 7), s (…, m); shape (…, m, 4).
+
+    A row that is not finite gives NaN throughout, an arc length that is not finite gives NaN there. Accuracy as in
+    `Elastica`.
+    """
     p = _rows(parameters)
-    arc = np.broadcast_to(np.asarray(s, dtype=np.float64), p.shape[:-1])
+    arc = np.asarray(s, dtype=np.float64)
+    m = arc.shape[-1]
     rows = np.ascontiguousarray(p.reshape(-1, 7))
-    out = np.empty((rows.shape[0], 4))
-    kernel.states_batch(rows, np.ascontiguousarray(arc.reshape(-1)), out)
-    return out.reshape(*p.shape[:-1], 4)
+    arcs = np.ascontiguousarray(np.broadcast_to(arc, (*p.shape[:-1], m)).reshape(-1, m))
+    out = np.empty((len(rows), m, 4))
+    kernel.states_grid(rows, arcs, out)
+    return out.reshape(*p.shape[:-1], m, 4)
 
 
 def _rows(parameters: ArrayLike) -> FloatArray:

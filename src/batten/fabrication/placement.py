@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from batten.curves.elastica import states_at
+from batten.curves.elastica import states_along
 from batten.errors import InvalidInputError
 from batten.fabrication.job import GripperJob, RodJob
 from batten.surfaces.plane import Plane
@@ -55,10 +55,9 @@ def rod_placement(
     shares = shares[np.argsort(np.abs(shares - 0.5), kind="stable")]  # of equals, the one next to the middle
     names, group = np.unique(blocks, return_inverse=True)
     bend, gap = np.zeros((_CHOICES, len(names))), np.full((_CHOICES, len(names)), np.inf)
-    repeated = np.repeat(parameters, _STATIONS, axis=0)
     for i, share in enumerate(shares):
         s = -(share * spare)[:, None] + fractions * rod.length_mm
-        state = states_at(repeated, s.reshape(-1)).reshape(len(spare), _STATIONS, 4)
+        state = states_along(parameters, s)
         ends = state[:, [0, -1], :2]
         world = origin[:, None] + ends[..., :1] * x_axis[:, None] + ends[..., 1:] * y_axis[:, None]
         outside = np.maximum(np.maximum(low[:, None] - world, world - high[:, None]), 0.0)
@@ -72,9 +71,7 @@ def rod_placement(
 def bow(parameters: FloatArray, before: FloatArray, length_mm: float) -> FloatArray:
     """Greatest distance of each whole rod from its chord, mm, shape (n,)."""
     s = -before[:, None] + np.linspace(0.0, 1.0, _STATIONS) * length_mm
-    points = states_at(np.repeat(parameters, _STATIONS, axis=0), s.reshape(-1)).reshape(len(before), _STATIONS, 4)[
-        ..., :2
-    ]
+    points = states_along(parameters, s)[..., :2]
     chord = points[:, -1] - points[:, 0]
     run = points - points[:, :1]
     cross = run[..., 0] * chord[:, None, 1] - run[..., 1] * chord[:, None, 0]

@@ -12,7 +12,7 @@ import numpy as np
 import rhino3dm as _rhino3dm
 
 from batten.curves.bspline import BSplineCurve
-from batten.curves.elastica import Elastica, states_at
+from batten.curves.elastica import Elastica, states_along
 from batten.errors import FormatError, InvalidInputError
 from batten.fabrication.plan import CutPlan
 from batten.surfaces.bspline_surface import BSplineSurface
@@ -394,7 +394,7 @@ def _rhino_curves(rods: Sequence[Elastica], planes: Sequence[Plane]) -> list[Any
     pending, pieces = np.arange(len(rods)), 4
     while len(pending) and pieces <= 4096:
         s = lengths[pending, None] * np.linspace(0.0, 1.0, 2 * pieces + 1)
-        states = states_at(np.repeat(parameters[pending, None], s.shape[1], axis=1), s)
+        states = states_along(parameters[pending], s)
         points, ends = states[:, 1::2, :2], states[:, ::2, :2]
         arms = (
             np.stack([np.cos(states[:, ::2, 2]), np.sin(states[:, ::2, 2])], axis=-1) * (s[:, 2] / 3.0)[:, None, None]

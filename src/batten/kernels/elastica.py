@@ -241,13 +241,11 @@ def points_batch(parameters, fractions, out):
 
 
 @njit(cache=True, no_cfunc_wrapper=True)
-def states_batch(parameters, s, out):
-    """(x, y, θ, κ) of n curves at one arc length each: parameters (n, 7), s (n,), out (n, 4)."""
-    arc = np.empty(1)
+def states_grid(parameters, s, out):
+    """(x, y, θ, κ) of n curves at m arc lengths each: parameters (n, 7), s (n, m), out (n, m, 4)."""
     for k in range(parameters.shape[0]):
         x0, y0, theta, kappa, fx, fy, _ = parameters[k]
-        if not math.isfinite(x0 + y0 + theta + kappa + fx + fy + s[k]):
+        if not math.isfinite(x0 + y0 + theta + kappa + fx + fy):
             out[k] = math.nan
             continue
-        arc[0] = s[k]
-        evaluate(x0, y0, theta, elastica_constants_exact(theta, kappa, fx, fy), arc, out[k : k + 1])
+        evaluate(x0, y0, theta, elastica_constants_exact(theta, kappa, fx, fy), s[k], out[k])
