@@ -7,12 +7,13 @@ arm), y the way the blade is swept, z up.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 
-from batten.curves.elastica import Elastica
+from batten.curves.elastica import Elastica, states_along
 from batten.surfaces.plane import Plane
 from batten.typing import BoolArray, FloatArray, IntArray
 
@@ -82,13 +83,41 @@ class RodPlacement:
     reasons: tuple[str, ...] = ()
 
     def grippers(self) -> tuple[GripperFrame, GripperFrame]:
-        """The frames of the left and the right gripper, at the rod's start and end."""
-        s = np.array([0.0, self.rod.length])
-        points = self.plane.to_world(self.rod.point_at(s))
-        angles = self.rod.angle_at(s)
-        tangents = self.plane.direction_to_world(np.stack([np.cos(angles), np.sin(angles)], axis=-1))
-        normal = -self.plane.normal
-        return GripperFrame(points[0], tangents[0], normal), GripperFrame(points[1], tangents[1], normal)
+        """The frames of the left and the right gripper, at the rod's start and end; for many rods: `gripper_frames`."""
+        frames = gripper_frames((self,))
+        (left, right), (from_left, from_right), normal = frames.positions_mm[0], frames.tangents[0], frames.normals[0]
+        return GripperFrame(left, from_left, normal), GripperFrame(right, from_right, normal)
+
+
+class GripperFrames(NamedTuple):
+    """The frames of both grippers of n rods in the wall frame (see `GripperFrame`), left and right along the second axis.
+
+    `positions_mm` and `tangents` (n, 2, 3); `normals` (n, 3), the same for both.
+    """
+
+    positions_mm: FloatArray
+    tangents: FloatArray
+    normals: FloatArray
+
+
+def gripper_frames(rods: Sequence[RodPlacement]) -> GripperFrames:
+    """`RodPlacement.grippers` for many rods at once.
+
+    Parameters:
+        rods: n of them, in any blocks.
+
+    Accuracy: that of the elastica, 1e-12 of the rod's length.
+    """
+    parameters = np.array([r.rod.parameters for r in rods]).reshape(-1, 7)
+    origin, x_axis, y_axis = (
+        np.array([getattr(r.plane, name) for r in rods]).reshape(-1, 1, 3) for name in ("origin", "x_axis", "y_axis")
+    )
+    x, y, angle = np.moveaxis(states_along(parameters, parameters[:, 6:] * [0.0, 1.0])[..., :3, None], 2, 0)
+    return GripperFrames(
+        origin + x * x_axis + y * y_axis,
+        np.cos(angle) * x_axis + np.sin(angle) * y_axis,
+        -np.cross(x_axis, y_axis)[:, 0],
+    )
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from batten.errors import BattenError
-from batten.fabrication.plan import CheckResult, CutPlan
+from batten.fabrication.plan import CheckResult, CutPlan, gripper_frames
 from batten.io.cut_files import MODEL, RAPID_FOLDER, RODS
 from batten.io.cut_json import FILE_NAME, StoredCut, read_cut_json
 from batten.io.rods_table import write_rods_csv
@@ -91,15 +91,16 @@ def _poses(folder: Path, stored: StoredCut) -> Iterator[Finding]:
     plan = stored.plan
     moved = [index for motion in plan.motions for index in motion.rods]
     missing = {i for i, rod in enumerate(plan.rods) if rod.status == "ok"} ^ set(moved)
-    worst = 0.0
+    frames = gripper_frames(plan.rods)
+    off = [np.zeros((0, 3))]
     for motion in plan.motions:
         frame = plan.block(motion.block).work_frame(plan.blade_axis)
-        for row, index in enumerate(motion.rods):
-            left, right = plan.rods[index].grippers()
-            for pose, grip, sense in ((motion.left.poses[row], left, 1.0), (motion.right.poses[row], right, -1.0)):
-                place, axis = frame[:3, :3] @ pose[:3, 3] + frame[:3, 3], frame[:3, :3] @ pose[:3, 2]
-                off = np.concatenate([place - grip.position_mm, axis - sense * grip.tangent])
-                worst = max(worst, float(np.abs(off).max()))
+        for side, (arm, sense) in enumerate(((motion.left, 1.0), (motion.right, -1.0))):
+            places = arm.poses[:, :3, 3] @ frame[:3, :3].T + frame[:3, 3]
+            axes = arm.poses[:, :3, 2] @ frame[:3, :3].T
+            rods = list(motion.rods)
+            off += [places - frames.positions_mm[rods, side], axes - sense * frames.tangents[rods, side]]
+    worst = float(np.abs(np.concatenate(off)).max(initial=0.0))
     if missing or len(moved) != len(set(moved)):
         leaves = sorted({plan.rods[i].leaf for i in missing})
         yield Finding("motions", False, f"do not hold each rod that is cut once; leaves {leaves}")

@@ -10,13 +10,14 @@ Rods of refused leaves are not in the table.
 from __future__ import annotations
 
 import csv
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from batten.errors import FormatError
-from batten.fabrication.plan import CutPlan, RodPlacement
+from batten.fabrication.plan import CutPlan, RodPlacement, gripper_frames
 from batten.typing import FloatArray
 
 _VECTORS = ("start_mm", "end_mm", "start_tangent", "end_tangent", "plane_normal")
@@ -42,19 +43,22 @@ class RodRow:
     length_mm: float
 
 
-def rod_row(rod: RodPlacement) -> RodRow:
-    """A rod's line, in full precision."""
-    left, right = rod.grippers()
-    return RodRow(
-        block=rod.block,
-        leaf=rod.leaf,
-        start_mm=left.position_mm,
-        end_mm=right.position_mm,
-        start_tangent=left.tangent,
-        end_tangent=right.tangent,
-        plane_normal=left.normal,
-        length_mm=float(rod.rod.length),
-    )
+def rod_rows(rods: Sequence[RodPlacement]) -> list[RodRow]:
+    """The lines of rods, in full precision."""
+    positions, tangents, normals = gripper_frames(rods)
+    return [
+        RodRow(
+            block=rod.block,
+            leaf=rod.leaf,
+            start_mm=positions[i, 0],
+            end_mm=positions[i, 1],
+            start_tangent=tangents[i, 0],
+            end_tangent=tangents[i, 1],
+            plane_normal=normals[i],
+            length_mm=float(rod.rod.length),
+        )
+        for i, rod in enumerate(rods)
+    ]
 
 
 def write_rods_csv(path: str | Path, plan: CutPlan) -> None:
@@ -67,9 +71,7 @@ def write_rods_csv(path: str | Path, plan: CutPlan) -> None:
     with Path(path).open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(COLUMNS)
-        for rod in plan.rods:
-            if rod.status == "ok":
-                writer.writerow(_fields(rod_row(rod)))
+        writer.writerows(map(_fields, rod_rows([rod for rod in plan.rods if rod.status == "ok"])))
 
 
 def read_rods_csv(path: str | Path) -> list[RodRow]:

@@ -50,7 +50,8 @@ class Plane:
     @property
     def normal(self) -> FloatArray:
         """The unit normal x_axis × y_axis, shape (3,)."""
-        return np.cross(self.x_axis, self.y_axis)
+        (a, b, c), (d, e, f) = self.x_axis.tolist(), self.y_axis.tolist()
+        return np.array([b * f - c * e, c * d - a * f, a * e - b * d])  # np.cross takes twenty times as long
 
     def to_world(self, points: ArrayLike) -> FloatArray:
         """Points of the plane, (…, 2), as points in space, (…, 3)."""

@@ -99,7 +99,8 @@ class CheckContext:
         leaf = np.array([r.leaf for r in rods], dtype=np.int64)
         low, high = (np.array(c, dtype=np.float64).reshape(-1, 3)[index] for c in _corners(blocks))
         origin = np.array([r.plane.origin for r in rods]).reshape(n, 3)
-        frame = np.array([(r.plane.x_axis, r.plane.y_axis, r.plane.normal) for r in rods]).reshape(n, 3, 3)
+        x_axis, y_axis = (np.array([getattr(r.plane, k) for r in rods]).reshape(n, 3) for k in ("x_axis", "y_axis"))
+        frame = np.stack([x_axis, y_axis, np.cross(x_axis, y_axis)], axis=1)
         whole, piece = (
             np.array([e.parameters for e in c]).reshape(n, 7) for c in ([r.rod for r in rods], [r.piece for r in rods])
         )
