@@ -27,3 +27,9 @@ def rapid_reader():
 def make_plan():
     """A function that makes up a plan and its job: make_plan(rows, columns, leaves a row, refused leaves, …)."""
     return load("io/made_up_plan.py").build_plan
+
+
+@pytest.fixture(scope="session")
+def made_surfaces():
+    """The module tests/surfaces/made_surfaces.py: graph(f, …), patch(surface, …), cylinder(…), example_wall() …"""
+    return load("surfaces/made_surfaces.py")
