@@ -1,4 +1,4 @@
-"""Surfaces made for tests: graphs of functions, heights of an elastica by direct integration, parts of the example's wall."""
+"""Surfaces made for tests: graphs of functions, an elastica's heights by integration, parts of the example's wall."""
 
 from pathlib import Path
 
