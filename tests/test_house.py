@@ -33,7 +33,8 @@ def tracked_texts():
         ).stdout.decode()
         paths = [ROOT / name for name in listed.split("\0") if name]
     except (OSError, subprocess.CalledProcessError):
-        paths = [p for p in ROOT.rglob("*") if not any(part in (".venv", "out", "__pycache__") for part in p.parts)]
+        folders = [ROOT, *(ROOT / name for name in ("src", "tests", "docs", "examples", "benchmarks", ".ci"))]
+        paths = [p for folder in folders for p in (folder.glob("*") if folder == ROOT else folder.rglob("*"))]
     for path in paths:
         if path.is_file():
             data = path.read_bytes()
