@@ -2,6 +2,7 @@
 
 import ast
 import doctest
+import functools
 import importlib
 import inspect
 import re
@@ -103,6 +104,7 @@ def test_errors_are_not_swallowed():
     assert found == []
 
 
+@functools.cache
 def examples():
     """The code of every example that is run, in docstrings of the package and in the README, in one text."""
     parser = doctest.DocTestParser()
