@@ -45,6 +45,14 @@ def test_blocks_tile_the_plan(surface, axis, size) -> None:
     assert all(b.row == len(wall.rows) - 2 or b.column == len(wall.columns) - 2 for b in np.array(blocks)[~full])
 
 
+@pytest.mark.parametrize(("more", "columns"), [(-0.5, 2), (1e-5, 2), (0.9, 2), (1.1, 3), (300.0, 3)])
+def test_a_sliver_is_no_block(made_surfaces, more, columns) -> None:
+    flat = made_surfaces.graph(lambda x, y: 0.0 * x, (0.0, 1200.0 + more), (0.0, 600.0), (8, 8), 3)
+    blocks = Wall.of(flat, (600.0, 600.0), "x").blocks(BlocksJob())
+    assert len(blocks) == columns
+    assert sum(b.size_mm[0] for b in blocks) == pytest.approx(1200.0 + more, abs=1e-9)
+
+
 @pytest.mark.parametrize(("axis", "along"), [("x", 0), ("y", 1)])
 def test_blocks_are_numbered_along_the_blade_and_then_across(surface, axis, along) -> None:
     wall = Wall.of(surface, (600.0, 400.0), axis)

@@ -18,6 +18,8 @@ from batten.typing import BoolArray, FloatArray, IntArray
 BladeAxis = Literal["x", "y"]
 
 _EDGE_SLACK_MM = 1e-6
+_LEAST_CROSSING_MM = 1.0
+"""A plane that crosses a block on less than this has no rod there, and a strip of the plan that narrow has no block."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +44,8 @@ class Wall:
     def of(cls, surface: BSplineSurface, size_mm: tuple[float, float], blade_axis: BladeAxis) -> Wall:
         """Divide a surface's plan into blocks of at most `size_mm` (along wall x, along wall y).
 
-        The blocks start at the least corner; the last row and column are narrower where the plan is no whole multiple.
+        The blocks start at the least corner; the last row and column are narrower where the plan is no whole multiple, and
+        up to 1 mm wider where a sliver would be left.
 
         Raises:
             InvalidInputError: a surface that folds back over its plan.
@@ -56,7 +59,7 @@ class Wall:
         low, high = lowest[:2], highest[:2]
         borders = []
         for axis in range(2):
-            count = max(1, int(np.ceil((high[axis] - low[axis]) / size_mm[axis] - 1e-6)))
+            count = max(1, int(np.ceil((high[axis] - low[axis] - _LEAST_CROSSING_MM) / size_mm[axis])))
             borders.append(np.append(low[axis] + size_mm[axis] * np.arange(count), high[axis]))
         along = 0 if blade_axis == "x" else 1
         return cls(surface, blade_axis, low, high, borders[along], borders[1 - along])
@@ -130,7 +133,7 @@ class Wall:
         """Which plane crosses which block on more than 1 mm: indices (k,) of planes and (k,) of blocks, block by block."""
         rectangles = np.array([[b.corner_mm[:2], b.corner_mm[:2] + b.size_mm[:2]] for b in blocks])
         interval = clip_to_blocks(planes, rectangles)
-        plane_index, block_index = np.nonzero(np.nan_to_num(interval[..., 1] - interval[..., 0]) > 1.0)
+        plane_index, block_index = np.nonzero(np.nan_to_num(interval[..., 1] - interval[..., 0]) > _LEAST_CROSSING_MM)
         order = np.lexsort((plane_index, block_index))
         return plane_index[order].astype(np.int64), block_index[order].astype(np.int64)
 
