@@ -8,13 +8,11 @@ Ours fits all 2,000; the peers take a sample of them, their time is scaled up. I
 elastica with exact first and second derivatives. scipy's `least_squares` (trust region, tolerances 1e-12) is lent our points
 and analytic Jacobian, so that it measures the way around the kernel, not the kernel.
 
-`python benchmarks/bench_fit.py --study 2000` compares distances instead of times: one start against Ipopt from the same
-start, and our default starts against the best of four starts of Ipopt. That takes minutes for every hundred curves.
+How good the fits are, with held ends and against several starts of Ipopt too, is proof_fit.py's to say.
 """
 
 from __future__ import annotations
 
-import argparse
 import time
 from collections.abc import Callable
 
@@ -131,47 +129,6 @@ def _start(control: np.ndarray) -> tuple[CurveSamples, np.ndarray]:
     return samples, initial_elastica(samples).elastica.parameters
 
 
-def four_starts(samples: CurveSamples) -> list[np.ndarray]:
-    """For Ipopt: the canonical guess, the circle that turns as far, the curve that the multipliers give from the curve's own
-    start, and the same with the force turned round."""
-    length, (x, y, angle) = samples.lengths[0], samples.ends[0, 0]
-    points, kappa, root = samples.points[0] - [x, y], samples.curvatures[0], np.sqrt(samples.weights[0])
-    rows = np.column_stack([-points[:, 1], points[:, 0], np.ones(len(kappa))]) * root[:, None]
-    force_x, force_y, curvature = np.linalg.lstsq(rows, kappa * root, rcond=None)[0]
-    turned = (samples.ends[0, 1, 2] - angle) / length
-    starts = [
-        np.array([x, y, angle, turned, 0.0, 0.0, length]),
-        np.array([x, y, angle, curvature, force_x, force_y, length]),
-        np.array([x, y, angle, turned, -force_x, -force_y, length]),
-    ]
-    try:
-        return [initial_elastica(samples).elastica.parameters, *starts]
-    except InvalidInputError:
-        return starts
-
-
-def study(count: int) -> None:
-    """Distances, ours and Ipopt's, over `count` curves of both samples; prints one line for each."""
-    for name, curves in (("unit disc", unit_disc(count)), ("annuli", annuli(count))):
-        one, several = fit_elastica_batch(curves, starts=1), fit_elastica_batch(curves)
-        same, best = np.full(count, np.nan), np.full(count, np.nan)
-        for i, control in enumerate(curves):
-            samples, _ = samples_of(control)
-            found = [fit_elastica_ipopt(samples, start).distance for start in four_starts(samples)]
-            same[i], best[i] = found[0] if len(found) == 4 else np.nan, min(found)
-            worse = [i for i in range(i + 1) if several.distance[i] > best[i] * (1 + 1e-9) and best[i] > 1e-12]
-            print(f"\r{i + 1}/{count}, behind the best of four at {worse}", end="", flush=True)
-        print(
-            f"\n{name}: one start, {_compared(one.distance, same)}; default starts, {_compared(several.distance, best)}"
-        )
-
-
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--study", metavar="COUNT", type=int, help="compare distances on COUNT curves of each sample")
-    options = parser.parse_args()
-    if options.study:
-        study(options.study)
-    else:
-        for row in run():
-            print(row)
+    for row in run():
+        print(row)

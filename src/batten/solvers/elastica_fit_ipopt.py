@@ -94,7 +94,8 @@ def fit_elastica_ipopt(
     anchor = float(fractions[fractions.size // 2])
     count = {"free": 0, "points": 2, "tangents": 3}[ends]
     tips = ((samples.ends[0] - [*origin, 0.0]) / [length, length, 1.0])[:, :count]
-    nodes = [*((samples.points[0] - origin) / length).T, samples.angles[0], fractions, weights]
+    nodes_xy = (samples.points[0] - origin) / length
+    nodes = [*nodes_xy.T, samples.angles[0], fractions, weights]
     data = np.concatenate([*nodes, *tips])
 
     # Force form ↔ unknowns: scale to length 1, bring the angle to the samples' turn, go to the anchor.
@@ -117,7 +118,10 @@ def fit_elastica_ipopt(
             break
     begin, end = _moved(guess, -anchor), _moved(guess, 1.0 - anchor)
     violation = float(np.abs(np.array([begin[:count], end[:count]]) - tips).max(initial=0.0))
-    distance = float(np.sqrt(max(0.0, 2 * float(solution["f"]))))
+    error = ((fine[:2, 1:-1].T - nodes_xy) ** 2).sum(axis=1) + (metric == "H1") * (
+        fine[2, 1:-1] - samples.angles[0]
+    ) ** 2
+    distance = float(np.sqrt(weights @ error))  # Ipopt's own value is not to be had where it gave up
     return IpoptFit(_local(begin, 1.0) * unit + shift, distance, iterations, str(stats["return_status"]), violation)
 
 
