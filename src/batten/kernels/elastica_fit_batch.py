@@ -73,11 +73,13 @@ def fit_starts(p, th, k, w, f, e, guess, m, h1, ridge, starts, max_iterations, r
     """
     inner = slice(1, w.shape[0] - 1)
     mid, trial = np.empty(7), np.empty(7)
-    found, values, states = np.empty((starts, 7)), np.full(starts, math.inf), np.full(starts, FIT_BAD)
-    optimalities = np.full(starts, math.inf)
+    found, values, states = np.empty((MAX_STARTS, 7)), np.full(MAX_STARTS, math.inf), np.full(MAX_STARTS, FIT_BAD)
+    optimalities = np.full(MAX_STARTS, math.inf)
     total = 0
     first = max_iterations if starts == 1 else min(_FIRST_LAP, max_iterations)
-    for which in range(starts):
+    for which in range(MAX_STARTS):
+        if which >= starts and (starts == 1 or np.min(values) < math.inf):
+            break  # those left are for curves whose end conditions no start could meet so far
         if which == 2 and h1:
             continue
         if not make_start(which, p[inner], th[inner], k[inner], w[inner], f[inner], guess, mid):
@@ -96,7 +98,7 @@ def fit_starts(p, th, k, w, f, e, guess, m, h1, ridge, starts, max_iterations, r
     for _ in range(2):
         # The best one goes on if it is not done, then the next, if it is not far behind.
         chosen = -1
-        for which in range(starts):
+        for which in range(MAX_STARTS):
             near = values[which] < 4.0 * values[best] and states[which] == FIT_ITERATIONS
             if near and (chosen < 0 or values[which] < values[chosen]):
                 chosen = which
@@ -111,7 +113,7 @@ def fit_starts(p, th, k, w, f, e, guess, m, h1, ridge, starts, max_iterations, r
         if states[chosen] == FIT_ITERATIONS:
             states[chosen] = FIT_GAVE_UP
         best = np.argmin(values)
-    for which in range(starts):
+    for which in range(MAX_STARTS):
         if states[which] == FIT_GAVE_UP:
             states[which] = FIT_ITERATIONS
     result[:] = found[best]
@@ -149,6 +151,12 @@ def fit_batch(
     result = np.empty(7)
     for b in range(lengths.shape[0]):
         length = lengths[b]
+        for j in range(7):
+            params[b, j], info[b, j] = math.nan, math.nan
+        info[b, 5] = 0.0
+        status[b] = FIT_BAD
+        if not length > 0.0:
+            continue
         x0, y0 = points[b, n // 2, 0], points[b, n // 2, 1]
         check = 0.0
         for i in range(n):
@@ -160,11 +168,7 @@ def fit_batch(
         for j in range(2):
             e[j, 0], e[j, 1], e[j, 2] = (ends[b, j, 0] - x0) / length, (ends[b, j, 1] - y0) / length, ends[b, j, 2]
             check += e[j, 0] + e[j, 1] + e[j, 2]
-        for j in range(7):
-            params[b, j], info[b, j] = math.nan, math.nan
-        info[b, 5] = 0.0
-        status[b] = FIT_BAD
-        if not (math.isfinite(check) and length > 0.0):
+        if not math.isfinite(check):
             continue
         inner = slice(1, n + 1)
         if math.isfinite(given[b, 0]):

@@ -10,6 +10,7 @@ from batten.kernels.elliptic import incomplete_f
 
 # Status of a guess.
 GUESS_OK, GUESS_LINE, GUESS_CIRCLE, GUESS_BAD = 0, 1, 2, 3
+EXACT = 1e-7  # R₁ below which a curve counts as an elastica
 
 
 @njit(cache=True, no_cfunc_wrapper=True)
@@ -118,9 +119,12 @@ def initial_guess(points, theta, kappa, weights, fractions, length, ends, params
     (x, y, θ) of both ends. Fills params (7,) in force form and info (4,) = R₁, R₂, R₃, R₄.
     """
     n = weights.shape[0]
+    info[:] = np.nan
+    if not length > 0.0:
+        return GUESS_BAD
     l1, l2, alpha, r1, mx, my = multipliers(points, kappa, weights)
     info[0], info[1], info[2], info[3] = r1, 0.0, 0.0, np.nan
-    if not math.isfinite(r1 + length) or length <= 0.0:
+    if not math.isfinite(r1 + length):
         return GUESS_BAD
     lam = math.hypot(l1, l2)
     mean_kappa = alpha - l1 * my + l2 * mx
@@ -196,7 +200,7 @@ def initial_guess(points, theta, kappa, weights, fractions, length, ends, params
         s0, s1 = 0.0, 0.0
         for end in range(2):
             value, slope = (u[0], slope0) if end == 0 else (u[n + 1], slope1)
-            drop = u_max - value
+            drop = min(max(u_max - value, 0.0), u_max - u_min)  # clipped to the interval
             if inflectional:
                 cosine = min(1.0, max(-1.0, 1.0 - drop / (2.0 * modulus * scale)))
                 ratio = math.acos(cosine)
@@ -245,6 +249,15 @@ def initial_guess(points, theta, kappa, weights, fractions, length, ends, params
             best = r4
             # Turns are immaterial to the curve; keep the angle next to the given one.
             trial[2] += 2.0 * math.pi * math.floor((ends[0, 2] - trial[2]) / (2.0 * math.pi) + 0.5)
+            params[:] = trial
+    if r1 < EXACT:
+        # An elastica to rounding: angle, curvature and length are its own, where eq. (13) amplifies the modulus' error by
+        # the number of periods, without bound as k → 1.
+        trial[2], trial[3] = ends[0, 2], alpha - l1 * ends[0, 1] + l2 * ends[0, 0]
+        trial[4], trial[5], trial[6] = l1, l2, length
+        r4 = _translate(points, weights, fractions, length, trial)
+        if r4 < best:
+            best = r4
             params[:] = trial
     info[3] = best
     return GUESS_OK if math.isfinite(best) else GUESS_BAD

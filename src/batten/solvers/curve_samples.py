@@ -9,6 +9,7 @@ import numpy as np
 
 from batten.curves.base import Curve
 from batten.errors import InvalidInputError
+from batten.solvers.smoothing_spline import smoothing_spline
 from batten.typing import ArrayLike, FloatArray
 
 
@@ -133,15 +134,17 @@ def _from_curve(curve: Curve, n: int) -> CurveSamples:
 
 
 def from_points(points: ArrayLike, *, nodes: int = 96, smoothing: float | None = None) -> CurveSamples:
-    """Samples of a smooth curve through measured points: a cubic smoothing spline by chord length, for noisy data.
+    """Samples of a smooth curve through measured points: a quintic smoothing spline by chord length, for noisy data.
 
     Parameters:
         points: shape (m, 2), m ≥ 5, in order along the curve; neighbours must differ.
         nodes: Gauss nodes over the whole curve.
-        smoothing: weight of the spline's roughness; None chooses it by generalised cross-validation.
-    """
-    from scipy.interpolate import make_smoothing_spline
+        smoothing: weight of ∫|f‴|² with the chord length scaled to 1 (see `smoothing_spline`); None chooses it by
+            generalised cross-validation.
 
+    Raises:
+        InvalidInputError: too few points, not finite, or neighbours that coincide.
+    """
     data = np.asarray(points, dtype=np.float64)
     if data.ndim != 2 or data.shape[1] != 2 or len(data) < 5 or not np.isfinite(data).all():
         raise InvalidInputError(f"measured points need shape (m, 2), m ≥ 5, all finite; got shape {data.shape}")
@@ -152,8 +155,8 @@ def from_points(points: ArrayLike, *, nodes: int = 96, smoothing: float | None =
         )
     chord = np.concatenate([[0.0], np.cumsum(step)])
     chord /= chord[-1]
-    spline = make_smoothing_spline(chord, data, lam=smoothing)
-    # Panels of a few data each: the spline is piecewise cubic, its third derivative jumps at the data.
+    middle = data.mean(axis=0)
+    spline = smoothing_spline(chord, data - middle, smoothing)
     panels = min(8, max(1, len(data) // 4))
     t, w, cumulative = gauss_rule(max(8, nodes // panels))
     edges = np.linspace(0.0, 1.0, panels + 1)
@@ -165,6 +168,6 @@ def from_points(points: ArrayLike, *, nodes: int = 96, smoothing: float | None =
     arc = (speed @ cumulative.T + (np.cumsum(piece) - piece)[:, None]).reshape(1, -1)
     tip = np.array([0.0, 1.0])
     return _assemble(
-        spline(parameters)[None], first[None], spline(parameters, 2)[None], np.tile(width * w, panels)[None], arc,
-        spline(tip)[None], spline(tip, 1)[None],
+        (spline(parameters) + middle)[None], first[None], spline(parameters, 2)[None], np.tile(width * w, panels)[None], arc,
+        (spline(tip) + middle)[None], spline(tip, 1)[None],
     )  # fmt: skip
