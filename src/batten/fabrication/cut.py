@@ -73,7 +73,10 @@ _FIT_SHARE = 0.9
 
 
 def _fit_leaves(job: CutJob, wall: Wall, planes: tuple[Plane, ...], tell: Progress) -> Chains:
-    """Chains for all planes, with planes put between neighbours whose rods' ends point in too different directions."""
+    """Chains for all planes, with planes put between neighbours whose rods' ends point in too different directions.
+
+    A plane between in which a rod would be too straight is left out: the turn is taken in one step there.
+    """
 
     def fit(some: tuple[Plane, ...], stage: str) -> Chains:
         return rationalise(
@@ -95,17 +98,31 @@ def _fit_leaves(job: CutJob, wall: Wall, planes: tuple[Plane, ...], tell: Progre
             replace(chains.planes[i], origin=0.5 * (chains.planes[i].origin + chains.planes[i + 1].origin))
             for i in after
         )
-        chains = chains.with_between(after, fit(between, "fit leaves between"))
+        added = fit(between, "fit leaves between")
+        good = np.flatnonzero(_least_bows(job, added) >= job.rod.min_bow_mm)
+        if not good.size:
+            break
+        chains = chains.with_between(after[good], added.rows(good))
     return chains
 
 
+def _least_bows(job: CutJob, chains: Chains) -> FloatArray:
+    """Least bow of the rods of each chain, mm, (leaves,), over places of the piece from one end of the rod to the other."""
+    bows = np.full(chains.deviation.shape, np.inf)
+    known = np.isfinite(chains.parameters).all(axis=-1) & np.isfinite(chains.deviation)
+    parameters = chains.parameters[known]
+    spare = job.rod.length_mm - parameters[:, 6]
+    bows[known] = np.min([bow(parameters, f * spare, job.rod.length_mm) for f in np.linspace(0.0, 1.0, 5)], axis=0)
+    return np.asarray(bows.min(axis=1))
+
+
 def _end_turns(job: CutJob, chains: Chains) -> FloatArray:
-    """Greatest turn of a rod's end between each leaf and the next, radians, (leaves − 1,); 0 where either is not cut."""
+    """Greatest turn of a rod's end between each leaf and the next, radians, (leaves − 1,); 0 where neither is cut."""
     spare = job.rod.length_mm - chains.parameters[..., 6]
     ends = [states_at(chains.parameters, -0.5 * spare + f * job.rod.length_mm)[..., 2] for f in (0.0, 1.0)]
     turns = np.abs(np.diff(np.stack(ends), axis=1)).max(axis=0)
     used = np.isfinite(chains.deviation)
-    return np.asarray(np.where(used[1:] & used[:-1], turns, 0.0).max(axis=1, initial=0.0))
+    return np.asarray(np.where(used[1:] | used[:-1], turns, 0.0).max(axis=1, initial=0.0))
 
 
 def _choose_wall(job: CutJob, surface: BSplineSurface) -> tuple[Wall, str]:
@@ -141,11 +158,8 @@ def _choose_turn(job: CutJob, wall: Wall) -> float:
         chains = rationalise(
             wall.surface, few, wall.edges(few), job.leaves.tolerance_mm, inside=wall.contains, rounds=0
         )
-        used = np.isfinite(chains.deviation)
-        parameters = chains.parameters[used]
-        before = 0.5 * (job.rod.length_mm - parameters[:, 6])
-        least = float(np.nanmin(bow(parameters, before, job.rod.length_mm), initial=np.inf))
-        if least >= 1.2 * job.rod.min_bow_mm:  # the leaves between these may be a little straighter
+        least = float(_least_bows(job, chains).min())
+        if least >= job.rod.min_bow_mm:
             return turn
         if least > best_bow:
             best, best_bow = turn, least

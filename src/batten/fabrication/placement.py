@@ -25,16 +25,16 @@ def rod_placement(
 ) -> FloatArray:
     """How much of the rod lies before each piece: one share of what is left over for all rods of a block.
 
-    One share, so that the grippers move evenly from leaf to leaf. Among 21 shares those come first that keep both grippers
-    at their distance from the block for every rod; of these the one with the least greatest curvature is taken, else the one
-    with the greatest least distance.
+    One share, so that the grippers move evenly from leaf to leaf. Among 21 shares those come first that keep, for every rod,
+    both grippers at their distance from the block and the least bow; then those that keep the distance; of these the one
+    with the least greatest curvature is taken. If there is none, the one with the greatest least distance.
 
     Parameters:
         parameters: (n, 7), the pieces in the coordinates of their planes.
         planes: n planes.
         low, high: (n, 3), corners of each rod's block in the wall frame.
         blocks: (n,), which block each rod belongs to, any integers.
-        rod, gripper: lengths, radius and clearance.
+        rod, gripper: length, least bow, radius and clearance.
 
     Returns:
         before_mm, shape (n,).
@@ -54,7 +54,8 @@ def rod_placement(
     shares = np.linspace(0.0, 1.0, _CHOICES)
     shares = shares[np.argsort(np.abs(shares - 0.5), kind="stable")]  # of equals, the one next to the middle
     names, group = np.unique(blocks, return_inverse=True)
-    bend, gap = np.zeros((_CHOICES, len(names))), np.full((_CHOICES, len(names)), np.inf)
+    bend = np.zeros((_CHOICES, len(names)))
+    gap, arch = np.full_like(bend, np.inf), np.full_like(bend, np.inf)
     for i, share in enumerate(shares):
         s = -(share * spare)[:, None] + fractions * rod.length_mm
         state = states_along(parameters, s)
@@ -63,15 +64,22 @@ def rod_placement(
         outside = np.maximum(np.maximum(low[:, None] - world, world - high[:, None]), 0.0)
         np.maximum.at(bend[i], group, np.abs(state[..., 3]).max(axis=1))
         np.minimum.at(gap[i], group, np.linalg.norm(outside, axis=-1).min(axis=1))
+        np.minimum.at(arch[i], group, _height_over_chord(state[..., :2]))
+    score = -gap
     clear = gap >= gripper.radius_mm + gripper.clearance_mm
-    score = np.where(clear.any(axis=0), np.where(clear, bend, np.inf), -gap)
+    for good in (clear, clear & (arch >= rod.min_bow_mm)):
+        score = np.where(good.any(axis=0), np.where(good, bend, np.inf), score)
     return np.asarray(shares[np.argmin(score, axis=0)][group] * spare)
 
 
 def bow(parameters: FloatArray, before: FloatArray, length_mm: float) -> FloatArray:
     """Greatest distance of each whole rod from its chord, mm, shape (n,)."""
     s = -before[:, None] + np.linspace(0.0, 1.0, _STATIONS) * length_mm
-    points = states_along(parameters, s)[..., :2]
+    return _height_over_chord(states_along(parameters, s)[..., :2])
+
+
+def _height_over_chord(points: FloatArray) -> FloatArray:
+    """Greatest distance of points (n, k, 2) from the chord of their first and last, shape (n,)."""
     chord = points[:, -1] - points[:, 0]
     run = points - points[:, :1]
     cross = run[..., 0] * chord[:, None, 1] - run[..., 1] * chord[:, None, 0]

@@ -11,15 +11,14 @@ from batten.errors import InvalidInputError
 from batten.fabrication.job import BlocksJob
 from batten.fabrication.plan import Block
 from batten.surfaces.bspline_surface import BSplineSurface
-from batten.surfaces.foliation import clip_to_blocks, covering_offsets, parallel_planes
+from batten.surfaces.foliation import covering_offsets, parallel_planes
 from batten.surfaces.plane import Plane
 from batten.typing import BoolArray, FloatArray, IntArray
 
 BladeAxis = Literal["x", "y"]
 
 _EDGE_SLACK_MM = 1e-6
-_LEAST_CROSSING_MM = 1.0
-"""A plane that crosses a block on less than this has no rod there, and a strip of the plan that narrow has no block."""
+_LEAST_BLOCK_MM = 1.0  # a narrower strip at the end of the wall is left to its neighbour
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +58,7 @@ class Wall:
         low, high = lowest[:2], highest[:2]
         borders = []
         for axis in range(2):
-            count = max(1, int(np.ceil((high[axis] - low[axis] - _LEAST_CROSSING_MM) / size_mm[axis])))
+            count = max(1, int(np.ceil((high[axis] - low[axis] - _LEAST_BLOCK_MM) / size_mm[axis])))
             borders.append(np.append(low[axis] + size_mm[axis] * np.arange(count), high[axis]))
         along = 0 if blade_axis == "x" else 1
         return cls(surface, blade_axis, low, high, borders[along], borders[1 - along])
@@ -130,12 +129,26 @@ class Wall:
         return np.asarray((self.columns[None, :] - origin[:, None]) / speed[:, None])
 
     def crossings(self, planes: tuple[Plane, ...], blocks: tuple[Block, ...]) -> tuple[IntArray, IntArray]:
-        """Which plane crosses which block on more than 1 mm: indices (k,) of planes and (k,) of blocks, block by block."""
-        rectangles = np.array([[b.corner_mm[:2], b.corner_mm[:2] + b.size_mm[:2]] for b in blocks])
-        interval = clip_to_blocks(planes, rectangles)
-        plane_index, block_index = np.nonzero(np.nan_to_num(interval[..., 1] - interval[..., 0]) > _LEAST_CROSSING_MM)
-        order = np.lexsort((plane_index, block_index))
-        return plane_index[order].astype(np.int64), block_index[order].astype(np.int64)
+        """Which planes the blade takes in which block: indices (k,) of planes and (k,) of blocks, block by block.
+
+        All planes that cross the block's plan, and on either side the next one that leaves no corner of it uncut: turned
+        planes cross a block's corners obliquely, and the blade would pass the rest of a corner on its way in or out.
+        """
+        along = planes[0].x_axis[:2]
+        across = np.array([-along[1], along[0]])
+        offsets = np.array([p.origin[:2] @ across for p in planes])
+        order = np.argsort(offsets, kind="stable")
+        plane_index: list[int] = []
+        block_index: list[int] = []
+        for j, block in enumerate(blocks):
+            low, high = block.corner_mm[:2], block.corner_mm[:2] + block.size_mm[:2]
+            corners = np.array([low, [low[0], high[1]], [high[0], low[1]], high]) @ across
+            first = int(np.searchsorted(offsets[order], corners.min() + _EDGE_SLACK_MM, side="right")) - 1
+            last = int(np.searchsorted(offsets[order], corners.max() - _EDGE_SLACK_MM, side="left"))
+            taken = np.sort(order[max(first, 0) : min(last, len(planes) - 1) + 1])
+            plane_index += taken.tolist()
+            block_index += [j] * len(taken)
+        return np.array(plane_index, dtype=np.int64), np.array(block_index, dtype=np.int64)
 
 
 def axis_of(surface: BSplineSurface, parameter: Literal["u", "v"]) -> BladeAxis:

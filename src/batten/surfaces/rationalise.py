@@ -15,8 +15,7 @@ import numpy as np
 
 from batten.curves.elastica import points_batch
 from batten.errors import InvalidInputError
-from batten.kernels.elastica import elastica_constants
-from batten.kernels.elastica_jacobian import jacobian
+from batten.kernels.elastica_jacobian import jacobian_batch
 from batten.solvers.curve_samples import CurveSamples, gauss_rule
 from batten.solvers.elastica_fit import fit_samples
 from batten.surfaces.bspline_surface import BSplineSurface
@@ -52,6 +51,11 @@ class Chains:
     deviation: FloatArray
     first_deviation: FloatArray
     lambda_residual: FloatArray
+
+    def rows(self, index: IntArray) -> Chains:
+        """Some of these chains."""
+        arrays = (getattr(self, name)[index] for name in self.__dataclass_fields__ if name != "planes")
+        return Chains(tuple(self.planes[i] for i in index), *arrays)
 
     def with_between(self, after: IntArray, others: Chains) -> Chains:
         """These chains with `others` put in, the k-th one behind chain `after[k]`."""
@@ -248,28 +252,9 @@ def _minimax_step(
     and one direction z, a change of length, is left to each piece.
     """
     r, c, n = offsets.shape
-    sensitivity = np.zeros((r, c, n, 4 + 1))
     length = np.diff(edges)
-    fractions = np.linspace(0.0, 1.0, n)
-    values, raw = np.empty((n, 4)), np.empty((n, 3, 6))
-    for i in range(r):
-        for j in range(c):
-            p = parameters[i, j]
-            jacobian(*p[:6], elastica_constants(*p[2:6]), fractions * p[6], values, raw)
-            full = np.concatenate([raw, np.zeros((n, 3, 1))], axis=2)
-            full[:, :, 6] = fractions[:, None] * np.stack(
-                [np.cos(values[:, 2]), np.sin(values[:, 2]), values[:, 3]], axis=1
-            )
-            scale = np.array(
-                [1.0, 1.0, 1.0 / length[i, j], 1.0 / length[i, j] ** 2, *[1.0 / length[i, j] ** 3] * 2, 1.0]
-            )
-            ends = full[[0, -1]].reshape(6, 7) * scale
-            response = np.linalg.pinv(ends)[:, [1, 2, 4, 5]] * scale[:, None]
-            free = np.linalg.svd(ends)[2][-1] * scale
-            # In units of a change of force by 5/ℓ²: beyond that the piece does not respond linearly.
-            free *= 5.0 / max(float(np.hypot(free[4], free[5])) * length[i, j] ** 2, 1e-9)
-            normal_rows = np.einsum("nd,ndk->nk", normals[i, j], full[:, :2])
-            sensitivity[i, j] = normal_rows @ np.concatenate([response, free[:, None]], axis=1)
+    sensitivity = _sensitivity(parameters.reshape(r * c, 7), normals.reshape(r * c, n, 2), length.reshape(r * c))
+    sensitivity = sensitivity.reshape(r, c, n, 5)
     # Unknowns of a chain: (c + 1) × (height, angle·length), then one for each piece.
     unknowns = 2 * (c + 1) + c
     system = np.zeros((r, c * n, unknowns))
@@ -286,15 +271,34 @@ def _minimax_step(
     best_worst = np.abs(residual).max(axis=1)
     cost = np.concatenate([np.full(2 * (c + 1), 1e-8), np.full(c, 0.04)])
     ridge = np.eye(unknowns) * (cost * best_worst[:, None] ** 2)[:, None, :]
+    transposed = np.ascontiguousarray(system.transpose(0, 2, 1))
     for _ in range(_LAWSON):
-        weighted = system * weights[..., None]
-        normal = np.einsum("rnu,rnv->ruv", weighted, system) + ridge
-        solution = -np.linalg.solve(normal, np.einsum("rnu,rn->ru", weighted, residual)[..., None])[..., 0]
-        remaining = np.abs(residual + np.einsum("rnu,ru->rn", system, solution)) * counts
+        weighted = transposed * weights[:, None]
+        solution = -np.linalg.solve(weighted @ system + ridge, weighted @ residual[..., None])
+        remaining = np.abs(residual + (system @ solution)[..., 0]) * counts
         worst = remaining.max(axis=1)
         improved = worst < best_worst
-        best[improved], best_worst[improved] = solution[improved], worst[improved]
+        best[improved], best_worst[improved] = solution[improved, :, 0], worst[improved]
         weights = weights * (remaining + 0.02 * worst[:, None])
         weights /= weights.sum(axis=1, keepdims=True)
     moves = best[:, : 2 * (c + 1)].reshape(r, c + 1, 2) / np.array([1.0, unit])
     return np.asarray(np.clip(moves, [-20.0 * tolerance, -0.2], [20.0 * tolerance, 0.2]))
+
+
+def _sensitivity(parameters: FloatArray, normals: FloatArray, length: FloatArray) -> FloatArray:
+    """How far the stations of p pieces move along the leaf's normals (p, n, 2), for a unit of each unknown: (p, n, 5).
+
+    The unknowns: height and angle of the first joint, of the second one, and the piece's own direction z.
+    """
+    p, n, _ = normals.shape
+    values, full = np.empty((p, n, 4)), np.empty((p, n, 3, 7))
+    jacobian_batch(np.ascontiguousarray(parameters), np.linspace(0.0, 1.0, n), values, full)
+    scale = length[:, None] ** np.array([0.0, 0.0, -1.0, -2.0, -3.0, -3.0, 0.0])
+    u, sigma, vt = np.linalg.svd(full[:, [0, -1]].reshape(p, 6, 7) * scale[:, None])
+    inverse = vt[:, :6].transpose(0, 2, 1) @ (u.transpose(0, 2, 1) / sigma[..., None])
+    response = inverse[:, :, [1, 2, 4, 5]] * scale[..., None]
+    free = vt[:, -1] * scale
+    # In units of a change of force by 5/ℓ²: beyond that the piece does not respond linearly.
+    free *= (5.0 / np.maximum(np.hypot(free[:, 4], free[:, 5]) * length**2, 1e-9))[:, None]
+    along = normals[..., :1] * full[:, :, 0] + normals[..., 1:] * full[:, :, 1]
+    return np.asarray(along @ np.concatenate([response, free[..., None]], axis=2))
