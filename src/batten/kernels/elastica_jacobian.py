@@ -15,6 +15,7 @@ from batten.kernels.elastica import (
     _RADIUS,
     _TERMS,
     base_series_tangent,
+    elastica_constants,
     half_turn,
     turning_rate,
 )
@@ -305,3 +306,21 @@ def jacobian(start_x, start_y, theta, kappa, fx, fy, constants, s, values, out):
         reach = max(abs(s[0]), abs(s[n_s - 1]))
         if lam < 1e-5 * big_m or lam * reach * reach < 1e-3:
             jacobian_taylor(theta, kappa, fx, fy, s, out)
+
+
+@njit(cache=True, no_cfunc_wrapper=True)
+def jacobian_batch(parameters, fractions, values, out):
+    """`jacobian` of n curves, (n, 7), at ascending fractions (m,) of their lengths: values (n, m, 4), out (n, m, 3, 7).
+
+    The last column is the derivative by the length while the fraction stays.
+    """
+    s = np.empty(fractions.shape[0])
+    for k in range(parameters.shape[0]):
+        x0, y0, theta, kappa, fx, fy, length = parameters[k]
+        for i in range(s.shape[0]):
+            s[i] = fractions[i] * length
+        jacobian(x0, y0, theta, kappa, fx, fy, elastica_constants(theta, kappa, fx, fy), s, values[k], out[k])
+        for i in range(s.shape[0]):
+            out[k, i, 0, 6] = fractions[i] * math.cos(values[k, i, 2])
+            out[k, i, 1, 6] = fractions[i] * math.sin(values[k, i, 2])
+            out[k, i, 2, 6] = fractions[i] * values[k, i, 3]
