@@ -137,3 +137,11 @@ def test_small_deflection_in_tension_is_a_catenary_like_growth():
     s = np.linspace(0, 2, 21)
     np.testing.assert_allclose(curve.curvature_at(s), curvature * np.cosh(3 * s), rtol=1e-9)
     assert curve.inflections().size == 0
+
+
+def test_a_line_in_tension_has_a_modulus_form_of_the_same_line():
+    line = Elastica(start=(1.0, 2.0), start_angle=0.0, start_curvature=0.0, force=(-4.0, 0.0), length=3.0)
+    form = line.to_modulus()
+    assert (form.k, form.s0, form.ell, form.scale) == (0.0, 0.0, 6.0, 0.5)
+    s = np.linspace(0.0, 3.0, 5)
+    np.testing.assert_allclose(Elastica.from_modulus(*form).point_at(s), line.point_at(s), rtol=0, atol=1e-15)

@@ -300,7 +300,9 @@ class Elastica:
         negative curvature without inflections (Brander2016 notes 1–3).
 
         Degenerate: force = 0 has no finite modulus form; a circle gives k = scale = inf, a line k = 0, scale = inf, both
-        with s0 = ell = 0, and `from_modulus` refuses them. At k = 1 s₀ ranges over the real line.
+        with s0 = ell = 0, and `from_modulus` refuses them. A line in exact tension (force along −tangent, curvature 0) is the
+        end of ζ₁ at s₀ = ±∞: it is returned as the line ζ₀ in compression, the same curve with the opposite force. At k = 1 s₀
+        ranges over the real line.
         """
         lam, q, a, c, delta, ux, uy = self._constants()
         rotation = float(np.arctan2(uy, ux))
@@ -308,6 +310,9 @@ class Elastica:
         if lam == 0.0:
             k = float("inf") if q != 0.0 else 0.0
             return ModulusForm(k, 0.0, 0.0, float("inf"), 0.0, (float(self.start[0]), float(self.start[1])))
+        if q == 0.0 and c == 0.0:
+            x, y = self.start.tolist()
+            return ModulusForm(0.0, 0.0, float(self.length * np.sqrt(lam)), float(lam**-0.5), self.start_angle, (x, y))
         if delta <= 0.0 and q < 0.0:
             back = self.reversed().to_modulus()
             return back._replace(s0=back.s0 + back.ell, ell=-back.ell)
