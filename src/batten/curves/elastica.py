@@ -300,9 +300,9 @@ class Elastica:
         negative curvature without inflections (Brander2016 notes 1–3).
 
         Degenerate: force = 0 has no finite modulus form; a circle gives k = scale = inf, a line k = 0, scale = inf, both
-        with s0 = ell = 0, and `from_modulus` refuses them. A line in exact tension (force along −tangent, curvature 0) is the
-        end of ζ₁ at s₀ = ±∞: it is returned as the line ζ₀ in compression, the same curve with the opposite force. At k = 1 s₀
-        ranges over the real line.
+        with s0 = ell = 0, and `from_modulus` refuses them. A line in exact tension (force along −tangent, curvature 0) is
+        the end of ζ₁ at s₀ = ±∞: it is returned as the line ζ₀ in compression, the same curve with the opposite force. At
+        k = 1 s₀ ranges over the real line.
         """
         lam, q, a, c, delta, ux, uy = self._constants()
         rotation = float(np.arctan2(uy, ux))
