@@ -77,6 +77,23 @@ def test_clearance_comes_before_curvature() -> None:
     )
 
 
+def test_the_least_bow_comes_before_curvature_but_after_clearance() -> None:
+    # An S: in the middle of the rod its bow is least, towards either end more.
+    pieces = Elastica((0.0, 200.0), 0.0, 2e-4, (0.0, -8e-7), 560.0)
+    shares = np.linspace(0.0, 1.0, 21)
+    bows = bow(np.tile(pieces.parameters, (21, 1)), shares * 440.0, 1000.0)
+    free = GripperJob(radius_mm=0.0, clearance_mm=0.0)
+    chosen = []
+    for least in (0.0, 0.5 * (bows.min() + bows.max()), 2.0 * bows.max()):
+        before = place([pieces], rod=RodJob(length_mm=1000.0, min_bow_mm=float(least)), gripper=free)[0]
+        chosen.append(int(np.abs(shares - before / 440.0).argmin()))
+    bends, gaps = tried(pieces)
+    assert bows[chosen[0]] < 0.5 * (bows.min() + bows.max()) <= bows[chosen[1]], "the case tells the two apart"
+    keeps = (bows >= 0.5 * (bows.min() + bows.max())) & (gaps >= 0.0)
+    assert bends[chosen[1]] <= bends[keeps].min() * (1.0 + 2e-4)
+    assert chosen[2] == chosen[0], "a bow that cannot be had changes nothing"
+
+
 def test_without_a_share_that_is_clear_the_greatest_distance() -> None:
     _, gaps = tried(SPIRAL)
     gripper = GripperJob(radius_mm=300.0, clearance_mm=50.0)

@@ -151,12 +151,20 @@ def test_every_point_lies_within_the_spacing_of_a_plane_that_crosses_its_block(s
         gaps = [np.abs(planes[i].signed_distance(np.c_[points, np.zeros(300)])) for i in mine]
         assert np.min(gaps, axis=0).max() <= spacing + 1e-9
         # Membership by brute force: points along each plane that lie strictly inside.
-        edges = wall.edges(planes)[:, blocks[j].column : blocks[j].column + 2]
+        corners = np.array([(x, y, 0.0) for x in cell[:, 0] for y in cell[:, 1]])
+        crossing = []
         for i, plane in enumerate(planes):
-            x = np.linspace(*edges[i], 4001)
-            on = plane.to_world(np.c_[x, 0.0 * x])[:, :2]
-            inside = ((on >= cell[0] - 1e-6) & (on <= cell[1] + 1e-6)).all(axis=1).sum() * (x[1] - x[0])
-            assert (i in mine) == (inside > 1.0) or abs(inside - 1.0) < 0.5
+            side = plane.signed_distance(corners)
+            if side.min() < -1e-3 and side.max() > 1e-3:
+                crossing.append(i)
+        assert set(crossing) <= set(mine)
+        assert mine.tolist() == list(range(mine[0], mine[-1] + 1)), "none is left out between"
+        # Beside them one on either side, so that the blade passes no corner uncut.
+        assert mine[0] >= crossing[0] - 1
+        assert mine[-1] <= crossing[-1] + 1
+        behind, ahead = (planes[i].signed_distance(corners) for i in (mine[0], mine[-1]))
+        assert behind.max() < 1e-5
+        assert ahead.min() > -1e-5
 
 
 @pytest.mark.parametrize(("axis", "turn"), [("x", 0.0), ("x", 0.2), ("y", 0.0), ("y", -0.2)])
