@@ -103,7 +103,9 @@ def test_the_papers_parameters_are_recovered():
         counted += 1
         found = initial_elastica(true, nodes=128).elastica.to_modulus()
         half = half_period(k)
-        turns = (s0 - found.s0) / (2.0 * half)  # s₀ counts whole periods; without inflections the tangent turns with them
+        turns = (s0 - found.s0) / (
+            2.0 * half
+        )  # s₀ counts whole periods; without inflections the tangent turns with them
         assert abs(found.k - k) < 1e-8 * k
         assert abs(turns - np.round(turns)) < 1e-8 / half
         assert abs(found.ell - ell) < 1e-8 * max(abs(ell), 1.0)
@@ -196,7 +198,9 @@ def test_the_recipe_is_the_papers(control):
     assert guess.r1 == pytest.approx(expected["r"][0], rel=1e-8)
     assert guess.r1 == pytest.approx(lambda_residual(curve, tolerance=1e-10), abs=2e-10)
     assert guess.r2 == pytest.approx(expected["r"][1], rel=1e-8)
-    assert guess.r3 == pytest.approx(expected["r"][2], abs=0.02)  # the share of an interval whose ends fall between nodes
+    assert guess.r3 == pytest.approx(
+        expected["r"][2], abs=0.02
+    )  # the share of an interval whose ends fall between nodes
     assert guess.r4 == pytest.approx(l2_distance(curve, guess.elastica), rel=1e-8)
     assert form.k == pytest.approx(expected["k"], rel=1e-8)
     # Eq. (13): at both ends u is that of the curve, clipped to its range.

@@ -8,11 +8,16 @@ from numba import njit
 from batten.kernels.elastica import elastica_constants, evaluate
 from batten.kernels.elastica_fit import FIT_BAD, FIT_ITERATIONS, fit_from, force_form
 from batten.kernels.initial_guess import GUESS_BAD, initial_guess, multipliers
+from batten.kernels.shape_library import best_shapes, place, resample
 
 # How many different starts there are: the canonical guess; the affine curvature of eq. (6) integrated from the middle; the
-# same fitted in H¹ first; the mean circle; half the force; a larger force; the opposite curvature in the middle.
-MAX_STARTS = 7
+# most similar shapes of a library, with different numbers of inflections; the affine curvature fitted in H¹ first; the mean
+# circle; half the force; a larger force; the opposite curvature in the middle.
+LIBRARY_FIRST, LIBRARY_COUNT = 2, 4
+IN_H1 = LIBRARY_FIRST + LIBRARY_COUNT
+MAX_STARTS = IN_H1 + 5
 _FIRST_LAP = 15  # iterations that every start gets
+_POOR = 0.5 * 0.04**2  # F of a fit so far away that all starts are tried
 FIT_GAVE_UP = 9  # within this module: it has had its iterations
 
 
@@ -46,16 +51,16 @@ def make_start(which, points, theta, kappa, weights, fractions, guess, mid):
         if abs(fractions[i] - 0.5) < abs(fractions[nearest] - 0.5):
             nearest = i
     factor = 1.0
-    if which == 3:
+    if which == IN_H1 + 1:
         factor = 0.0
-    elif which == 4:
+    elif which == IN_H1 + 2:
         factor = 0.5
-    elif which == 5:
+    elif which == IN_H1 + 3:
         factor = 1.6
     l1, l2 = factor * l1, factor * l2
     x, y = points[nearest, 0], points[nearest, 1]
     curvature = mean - l1 * (y - my) + l2 * (x - mx)  # affine, with the mean of the given curve
-    if which == 6:
+    if which == IN_H1 + 4:
         curvature = -curvature
     s[0] = 0.5 - fractions[nearest]
     evaluate(x, y, theta[nearest], elastica_constants(theta[nearest], curvature, l1, l2), s, state)
@@ -66,7 +71,7 @@ def make_start(which, points, theta, kappa, weights, fractions, guess, mid):
 
 
 @njit(cache=True, no_cfunc_wrapper=True)
-def fit_starts(p, th, k, w, f, e, guess, m, h1, ridge, starts, max_iterations, result):
+def fit_starts(p, th, k, w, f, e, guess, library, m, h1, ridge, starts, max_iterations, result):
     """The best of several starts for one curve of length 1; (status, F, iterations, √(predicted decrease)).
 
     Every start gets a few iterations; then the best goes on until it is done, and the next if it is not far behind.
@@ -75,19 +80,33 @@ def fit_starts(p, th, k, w, f, e, guess, m, h1, ridge, starts, max_iterations, r
     mid, trial = np.empty(7), np.empty(7)
     found, values, states = np.empty((MAX_STARTS, 7)), np.full(MAX_STARTS, math.inf), np.full(MAX_STARTS, FIT_BAD)
     optimalities = np.full(MAX_STARTS, math.inf)
+    curve, chosen = np.empty(library.shapes.shape[1], np.complex128), np.empty(LIBRARY_COUNT, np.int64)
     total = 0
     first = max_iterations if starts == 1 else min(_FIRST_LAP, max_iterations)
     for which in range(MAX_STARTS):
-        if which >= starts and (starts == 1 or np.min(values) < math.inf):
-            break  # those left are for curves whose end conditions no start could meet so far
-        if which == 2 and h1:
+        if which >= starts and (starts == 1 or np.min(values) < _POOR):
+            break  # those left are for curves that no start came near
+        if which == IN_H1 and h1:
             continue
-        if not make_start(which, p[inner], th[inner], k[inner], w[inner], f[inner], guess, mid):
+        if LIBRARY_FIRST <= which < IN_H1:
+            if which == LIBRARY_FIRST:
+                resample(p[inner], f[inner], e, curve.shape[0] - 4, curve)
+                most_off = 4.0 if m == 6 or h1 else math.inf
+                best_shapes(
+                    curve, library.shapes, library.classes, library.turnings, e[1, 2] - e[0, 2], most_off, chosen
+                )
+            i = chosen[which - LIBRARY_FIRST]
+            if i < 0:
+                continue
+            angle = 0.5 * (e[0, 2] + e[1, 2]) - library.means[i]
+            place(curve, library.weights, library.shapes[i], library.norms[i], library.centres[i], angle, mid)
+            mid[3:6] = library.unknowns[i]
+        elif not make_start(which, p[inner], th[inner], k[inner], w[inner], f[inner], guess, mid):
             continue
-        # Start 2 runs in H¹ first, then once more in the metric that was asked for.
-        for stage in range(2 if which == 2 else 1):
+        # One start runs in H¹ first, then once more in the metric that was asked for.
+        for stage in range(2 if which == IN_H1 else 1):
             states[which], values[which], iterations, optimalities[which] = fit_from(
-                mid, p, th, w, f, e, m, h1 or (which == 2 and stage == 0), ridge, first, trial
+                mid, p, th, w, f, e, m, h1 or (which == IN_H1 and stage == 0), ridge, first, trial
             )
             total += iterations
             mid[:] = trial
@@ -97,21 +116,21 @@ def fit_starts(p, th, k, w, f, e, guess, m, h1, ridge, starts, max_iterations, r
     best = np.argmin(values)
     for _ in range(2):
         # The best one goes on if it is not done, then the next, if it is not far behind.
-        chosen = -1
+        onward = -1
         for which in range(MAX_STARTS):
             near = values[which] < 4.0 * values[best] and states[which] == FIT_ITERATIONS
-            if near and (chosen < 0 or values[which] < values[chosen]):
-                chosen = which
-        if chosen < 0 or first == max_iterations:
+            if near and (onward < 0 or values[which] < values[onward]):
+                onward = which
+        if onward < 0 or first == max_iterations:
             break
-        mid[:] = found[chosen]
-        states[chosen], values[chosen], iterations, optimalities[chosen] = fit_from(
+        mid[:] = found[onward]
+        states[onward], values[onward], iterations, optimalities[onward] = fit_from(
             mid, p, th, w, f, e, m, h1, ridge, max_iterations - first, trial
         )
         total += iterations
-        found[chosen] = trial
-        if states[chosen] == FIT_ITERATIONS:
-            states[chosen] = FIT_GAVE_UP
+        found[onward] = trial
+        if states[onward] == FIT_ITERATIONS:
+            states[onward] = FIT_GAVE_UP
         best = np.argmin(values)
     for which in range(MAX_STARTS):
         if states[which] == FIT_GAVE_UP:
@@ -130,6 +149,7 @@ def fit_batch(
     lengths,
     ends,
     given,
+    library,
     m,
     h1,
     ridge,
@@ -143,7 +163,8 @@ def fit_batch(
 
     Info: distance, R₁, R₂, R₃, R₄ of the canonical guess, iterations over all starts, √(predicted decrease). The samples
     (see `CurveSamples`) may have any unit; everything inside is scaled to length 1. m: end conditions, 0, 4 or 6. A finite
-    row of `given` (b, 7), force form at the start, takes the place of the canonical guess. ridge: weight of |λ|²ℓ⁴.
+    row of `given` (b, 7), force form at the start, takes the place of the canonical guess. library: a `ShapeLibrary` for the
+    same m. ridge: weight of |λ|²ℓ⁴.
     """
     n = weights.shape[1]
     p, th, k, w, f = np.zeros((n + 2, 2)), np.zeros(n + 2), np.zeros(n + 2), np.zeros(n + 2), np.zeros(n + 2)
@@ -181,7 +202,7 @@ def fit_batch(
         for j in range(4):
             info[b, 1 + j] = residuals[j]
         status[b], best, info[b, 5], info[b, 6] = fit_starts(
-            p, th, k, w, f, e, guess, m, h1, ridge, starts, max_iterations, result
+            p, th, k, w, f, e, guess, library, m, h1, ridge, starts, max_iterations, result
         )
         if math.isfinite(best):
             params[b, 0], params[b, 1], params[b, 2] = x0 + length * result[0], y0 + length * result[1], result[2]

@@ -12,6 +12,7 @@ from batten.curves.elastica import Elastica, states_at
 from batten.errors import ConvergenceError, InvalidInputError
 from batten.kernels import elastica_fit_batch as kernel
 from batten.solvers.curve_samples import CurveSamples, samples_of
+from batten.solvers.shape_library import shape_library
 from batten.typing import ArrayLike, FloatArray, IntArray
 
 Metric = Literal["L2", "H1"]
@@ -72,7 +73,7 @@ def fit_samples(
     metric: Metric = "L2",
     ends: Ends = "free",
     starts: int = 4,
-    max_iterations: int = 100,
+    max_iterations: int = 300,
     given: FloatArray | None = None,
     force_weight: float = 0.0,
 ) -> ElasticaFits:
@@ -93,7 +94,7 @@ def fit_samples(
     first = np.full((b, 7), np.nan) if given is None else np.ascontiguousarray(given, dtype=np.float64)
     kernel.fit_batch(
         samples.points, samples.angles, samples.curvatures, samples.weights, samples.fractions, samples.lengths,
-        samples.ends, first, _CONDITIONS[ends], metric == "H1", float(force_weight), starts, max_iterations,
+        samples.ends, first, shape_library(_CONDITIONS[ends]), _CONDITIONS[ends], metric == "H1", float(force_weight), starts, max_iterations,
         parameters, info, status,
     )  # fmt: skip
     # The kernel works about the middle of the segment.
@@ -118,7 +119,7 @@ def fit_elastica_batch(
     ends: Ends = "free",
     starts: int = 4,
     nodes: int = 32,
-    max_iterations: int = 100,
+    max_iterations: int = 300,
 ) -> ElasticaFits:
     """`fit_elastica` for many cubic Béziers, control points (…, 4, 2); a bad row gives status 3, NaN; the rest goes on."""
     samples, shape = samples_of(control_points, nodes=nodes)
@@ -138,7 +139,7 @@ def fit_elastica(
     *,
     starts: int = 4,
     nodes: int = 32,
-    max_iterations: int = 100,
+    max_iterations: int = 300,
     solver: Solver = "batten",
 ) -> ElasticaFit:
     """The elastica of least distance to a curve (Brander2016 §4), with the chosen end conditions.
@@ -150,7 +151,9 @@ def fit_elastica(
         curve: a `Curve`, control points (4, 2) of one cubic Bézier, or `CurveSamples` (see `from_points` for noisy data).
         metric: "L2" or "H1".
         ends: "free", "points" (end points held) or "tangents" (end points and end tangents held).
-        starts: 1 takes only the canonical initial guess; up to 7 add others (curvature integrated, H¹, circle, forces).
+        starts: 1 takes only the canonical initial guess. More add the curvature integrated, then the most similar shapes of a
+            library, each with another number of inflections, then others, up to 11. All are tried where none comes within
+            4 % of the length.
         nodes: Gauss nodes on each smooth piece.
         solver: "batten", or "ipopt" for the independent reference (extra `verify`): one start, the canonical guess.
 
