@@ -1,8 +1,14 @@
 """Fixtures for all tests."""
 
+import contextlib
 import importlib.util
+import io
+import json
+import os
 import sys
+import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -33,3 +39,34 @@ def make_plan():
 def made_surfaces():
     """The module tests/surfaces/made_surfaces.py: graph(f, …), patch(surface, …), cylinder(…), example_wall() …"""
     return load("surfaces/made_surfaces.py")
+
+
+@pytest.fixture(scope="session")
+def real_cut(tmp_path_factory):
+    """`batten cut` of the example's own job, run once for all tests and all their processes: status, summary, out."""
+    base = tmp_path_factory.getbasetemp()
+    folder = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "real-cut"
+    done = folder / "done.json"
+    try:
+        folder.mkdir()
+    except FileExistsError:  # another process is at it
+        for _ in range(1200):
+            if done.exists():
+                break
+            time.sleep(0.1)
+    else:
+        from batten.cli.main import main
+
+        job = Path(__file__).parents[1] / "examples/freeform-wall/wall.toml"
+        said = io.StringIO()
+        result = ["never ended", ""]
+        try:
+            with contextlib.redirect_stdout(said):
+                status = main(["cut", str(job), "-o", str(folder / "out"), "--json", "--no-pictures"])
+            result = [status, said.getvalue()]
+        finally:
+            (folder / "part.json").write_text(json.dumps(result), encoding="utf-8")
+            (folder / "part.json").replace(done)
+    status, text = json.loads(done.read_text(encoding="utf-8"))
+    assert text, f"the run gave status {status} and no summary"
+    return SimpleNamespace(status=status, summary=json.loads(text), out=folder / "out")
