@@ -70,7 +70,7 @@ def affine_start(samples: CurveSamples) -> Elastica:
 
 
 def starts_of(samples: CurveSamples, count: int) -> list[Elastica]:
-    """Starts for Ipopt: the canonical guess; the affine curvature integrated; the mean circle; half a period more or less."""
+    """Starts for Ipopt: the canonical guess; affine curvature integrated; mean circle; half a period more or less."""
     affine = affine_start(samples)
     try:
         canonical = initial_elastica(samples).elastica
@@ -184,8 +184,9 @@ def main() -> int:
                 file.flush()
                 rows[index] = by_us(row)
                 left = (time.monotonic() - began) / done * (len(missing) - done)
-                text = f"\r{len(rows)}/{options.size}, {sum(excess(r) > SLACK for r in rows.values())} worse, {left:.0f} s left "
-                print(text, end="", file=sys.stderr, flush=True)
+                worse = sum(excess(r) > SLACK for r in rows.values())
+                text = f"{len(rows)}/{options.size}, {worse} worse, {left:.0f} s left "
+                print("\r" + text, end="", file=sys.stderr, flush=True)
         print(file=sys.stderr)
     if not rows:
         print("no results yet")

@@ -94,13 +94,12 @@ def _from_cubics(control: FloatArray, n: int) -> CurveSamples:
     value = np.stack([u**3, 3 * t * u**2, 3 * t**2 * u, t**3], axis=-1)
     first = 3.0 * np.stack([u**2, 2 * t * u, t**2], axis=-1)
     second = 6.0 * np.stack([u, t], axis=-1)
-    d1 = np.diff(control, axis=1)
-    d2 = np.diff(d1, axis=1)
-    speed_vector = first @ d1
-    arc = np.hypot(speed_vector[..., 0], speed_vector[..., 1]) @ cumulative.T
-    ends = control[:, [0, 3]]
-    tangents = np.stack([_first_direction(control), -_first_direction(control[:, ::-1])], axis=1)
-    return _assemble(value @ control, speed_vector, second @ d2, w, arc, ends, tangents)
+    with np.errstate(invalid="ignore", over="ignore"):  # rows that are not finite stay so
+        d1 = np.diff(control, axis=1)
+        points, speed_vector, bend = value @ control, first @ d1, second @ np.diff(d1, axis=1)
+        arc = np.hypot(speed_vector[..., 0], speed_vector[..., 1]) @ cumulative.T
+        tangents = np.stack([_first_direction(control), -_first_direction(control[:, ::-1])], axis=1)
+    return _assemble(points, speed_vector, bend, w, arc, control[:, [0, 3]], tangents)
 
 
 def _first_direction(control: FloatArray) -> FloatArray:

@@ -92,9 +92,10 @@ def fit_samples(
     b = len(samples)
     parameters, info, status = np.empty((b, 7)), np.empty((b, 7)), np.empty(b, dtype=np.int64)
     first = np.full((b, 7), np.nan) if given is None else np.ascontiguousarray(given, dtype=np.float64)
+    held = _CONDITIONS[ends]
     kernel.fit_batch(
         samples.points, samples.angles, samples.curvatures, samples.weights, samples.fractions, samples.lengths,
-        samples.ends, first, shape_library(_CONDITIONS[ends]), _CONDITIONS[ends], metric == "H1", float(force_weight), starts, max_iterations,
+        samples.ends, first, shape_library(held), held, metric == "H1", float(force_weight), starts, max_iterations,
         parameters, info, status,
     )  # fmt: skip
     # The kernel works about the middle of the segment.
@@ -151,9 +152,9 @@ def fit_elastica(
         curve: a `Curve`, control points (4, 2) of one cubic Bézier, or `CurveSamples` (see `from_points` for noisy data).
         metric: "L2" or "H1".
         ends: "free", "points" (end points held) or "tangents" (end points and end tangents held).
-        starts: 1 takes only the canonical initial guess. More add the curvature integrated, then the most similar shapes of a
-            library, each with another number of inflections, then others, up to 11. All are tried where none comes within
-            4 % of the length.
+        starts: 1 takes only the canonical initial guess. More add the curvature integrated, then the most similar shapes of
+            a library, each with another number of inflections, then others, up to 11. All are tried where none comes
+            within 4 % of the length.
         nodes: Gauss nodes on each smooth piece.
         solver: "batten", or "ipopt" for the independent reference (extra `verify`): one start, the canonical guess.
 
