@@ -434,7 +434,7 @@ def test_twice_the_surface_gives_twice_the_plan(hilly) -> None:
     for a, b in zip(small.rods, large.rods):
         t = np.linspace(0.0, 1.0, 9)
         points = [r.plane.to_world(r.rod.point_at(t * r.rod.length)) for r in (a, b)]
-        assert points[1] == pytest.approx(k * points[0], abs=1e-4)
+        assert points[1] == pytest.approx(k * points[0], abs=2e-3)
     for name, power in (("deviation", 1), ("hausdorff", 1), ("straightness", 1), ("strain", 0), ("gripper_moment", 3)):
         a, b = (check(p, name).values for p in (small, large))
         assert b == pytest.approx(k**power * a, rel=1e-4, abs=2e-3, nan_ok=True), name

@@ -160,7 +160,8 @@ class _Target:
     def offsets(self, rows: IntArray, points: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Signed distance of points (r, c, n, 2) from their leaves in the plane, and the leaf's normals (r, c, n, 2).
 
-        First order in the distance, exact on the leaf: (y − y_S(x)) cos α. Points that do not count have weight 0: NaN.
+        First order in the distance, exact on the leaf: (y − y_S(x)) cos α; where the foot lies outside, so that the leaf
+        has ended there, the difference of height. Points that do not count have weight 0: NaN.
         """
         r, c, n, _ = points.shape
         section = intersect_planes(
@@ -169,10 +170,18 @@ class _Target:
         y, slope = section.y.reshape(r, c, n), section.slope.reshape(r, c, n)
         cosine = 1.0 / np.sqrt(1.0 + slope**2)
         offset = (points[..., 1] - y) * cosine
+        normals = np.stack([-slope * cosine, cosine], axis=-1)
         if self.inside is not None:
-            world = np.stack([self.planes[i].to_world(points[k]) for k, i in enumerate(rows)])
-            offset = np.where(self.inside(world), offset, np.nan)
-        return offset, np.stack([-slope * cosine, cosine], axis=-1)
+            beyond = ~self._counts(rows, points - offset[..., None] * normals)
+            offset = np.where(beyond, points[..., 1] - y, offset)
+            normals = np.where(beyond[..., None], np.array([0.0, 1.0]), normals)
+            offset = np.where(self._counts(rows, points), offset, np.nan)
+        return offset, normals
+
+    def _counts(self, rows: IntArray, points: FloatArray) -> BoolArray:
+        """Whether points (r, c, n, 2) in the planes lie inside."""
+        assert self.inside is not None
+        return self.inside(np.stack([self.planes[i].to_world(points[k]) for k, i in enumerate(rows)]))
 
 
 def _fit_portion(
