@@ -58,7 +58,8 @@ def samples_of(curve: Curve | ArrayLike, *, nodes: int = 32) -> tuple[CurveSampl
         curve: a `Curve` (leading shape ()), or control points of cubic Béziers, shape (…, 4, 2).
         nodes: Gauss nodes on each smooth piece.
 
-    Accuracy: spectral in `nodes`; 32 give 1e-14 for a cubic whose speed varies tenfold, less near a cusp.
+    Accuracy: spectral in `nodes`. With 32 the length of a cubic is within 1e-10 where its speed varies up to threefold,
+    within 2e-5 (half of them 1e-8) up to tenfold, within 1e-3 near a cusp; with 64 the digits double.
     """
     if isinstance(curve, Curve):
         return _from_curve(curve, nodes), ()

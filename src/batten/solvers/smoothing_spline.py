@@ -41,6 +41,7 @@ def smoothing_spline(parameters: FloatArray, data: FloatArray, smoothing: float 
     half = solve_triangular(lower, roughness, lower=True)
     gamma, vectors = eigh(solve_triangular(lower, half.T, lower=True))
     gamma = np.maximum(gamma, 0.0)
+    gamma[:3] = 0.0  # parabolas, exactly
     seen = vectors.T @ solve_triangular(lower, basis.T @ data, lower=True)
     if smoothing is None:
         weights = np.logspace(-20.0, 2.0, 111)
