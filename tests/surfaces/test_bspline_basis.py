@@ -5,7 +5,7 @@ import pytest
 from scipy.interpolate import BSpline
 
 from batten.errors import InvalidInputError
-from batten.surfaces.bspline_basis import basis_functions, check_knots, greville, rewrite
+from batten.surfaces.bspline_basis import basis_functions, check_knots, greville, powers, rewrite, span_polynomials
 
 KNOTS = {
     1: [0.0, 0, 1, 2.5, 4, 4],
@@ -35,6 +35,22 @@ def test_the_end_of_the_domain_belongs_to_the_last_span() -> None:
     first, values = basis_functions(np.array(KNOTS[2]), 2, np.array([4.0]), 0)
     assert first.tolist() == [3]
     assert values[0, :, 0].tolist() == [0.0, 0.0, 1.0]
+
+
+@pytest.mark.parametrize("degree", KNOTS)
+@pytest.mark.parametrize("order", [0, 1, 2])
+def test_polynomials_on_the_spans_are_those_of_scipy(degree: int, order: int) -> None:
+    knots = np.array(KNOTS[degree])
+    count = len(knots) - degree - 1
+    spline = BSpline(knots, np.eye(count), degree)
+    borders, first, coefficients = span_polynomials(knots, degree)
+    assert borders.tolist() == sorted(set(knots[degree : count + 1].tolist()))
+    for low, high, index, c in zip(borders[:-1], borders[1:], first, coefficients):
+        t = low + (high - low) * np.array([0.01, 0.3, 0.99])
+        ours = np.zeros((3, count))
+        ours[:, index : index + degree + 1] = powers(t - 0.5 * (low + high), degree, order)[:, order] @ c
+        theirs = spline(t, nu=order) if order <= degree else np.zeros_like(ours)
+        assert ours == pytest.approx(theirs, rel=1e-11, abs=1e-11 * np.abs(theirs).max(initial=1.0))
 
 
 def test_rewriting_keeps_the_spline() -> None:

@@ -68,6 +68,9 @@ def test_slopes_and_second_derivatives_agree_with_differences(weights: bool) -> 
     bent = here.second / (1 + here.slope**2) ** 1.5
     assert here.curvature == pytest.approx(bent, rel=1e-14)
     assert np.tan(here.angle) == pytest.approx(here.slope, rel=1e-12)
+    first_alone = intersect_planes(wall(weights), TURNED, x, order=1)
+    assert first_alone.slope == pytest.approx(here.slope, rel=1e-13, abs=1e-13)
+    assert np.isnan(first_alone.second).all()
 
 
 def test_a_sphere_is_cut_into_circles() -> None:

@@ -50,6 +50,20 @@ def test_slanted_lines_reach_the_surface_to_rounding() -> None:
     assert t == pytest.approx(v, abs=1e-12)
 
 
+def test_searches_along_many_directions_do_not_mix() -> None:
+    surface = relief()
+    u, v = RNG.uniform(0, 1, 50), RNG.uniform(0, 1, 50)
+    points = surface.point(u, v)
+    for tilt in [
+        *np.linspace(-0.2, 0.2, 10),
+        -0.2,
+    ]:  # more directions than search trees are kept, and the first once more
+        s, t = parameters_along(surface, points + np.array([100 * tilt, 0.0, 100.0]), (tilt, 0.0, 1.0))
+        assert np.stack([s, t]) == pytest.approx(np.stack([u, v]), abs=1e-12)
+        s, t = closest_parameters(surface, points)
+        assert np.stack([s, t]) == pytest.approx(np.stack([u, v]), abs=1e-7)
+
+
 def test_lines_beside_the_surface_miss_it_unless_it_is_extended() -> None:
     surface = quarter_cylinder()
     lines = np.array([[3.0, 2.5, 0.0], [3.0, 1.0, 0.0], [9.0, 1.0, 0.0], [np.nan, 1.0, 0.0]])

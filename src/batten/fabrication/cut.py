@@ -213,7 +213,7 @@ def _design_points(wall: Wall, chains: Chains) -> FloatArray:
     """Points of the wanted leaves in their planes, shape (leaves, columns, points, 2)."""
     low, width = chains.edges[:, :-1, None], np.diff(chains.edges)[..., None]
     x = low + width * np.linspace(0.0, 1.0, _DESIGN_POINTS)
-    section = intersect_planes(wall.surface, list(chains.planes), x.reshape(len(x), -1), extend=0.25)
+    section = intersect_planes(wall.surface, list(chains.planes), x.reshape(len(x), -1), order=1, extend=0.25)
     return np.stack([x, section.y.reshape(x.shape)], axis=-1)
 
 

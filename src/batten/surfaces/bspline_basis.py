@@ -110,6 +110,44 @@ def _differentiate(knots: FloatArray, spans: IntArray, lower: FloatArray, degree
     return values
 
 
+def span_polynomials(knots: FloatArray, degree: int) -> tuple[FloatArray, IntArray, FloatArray]:
+    """The basis functions as polynomials on each span that is not empty, about the span's middle.
+
+    Parameters:
+        knots: shape (n + degree + 1,), as `check_knots` returns it.
+        degree: 1 or more.
+
+    Returns:
+        The borders of the S spans, shape (S + 1,); the index of the first function that does not vanish on each, (S,);
+        and c of shape (S, degree + 1, degree + 1): function number a there is Σ_k c[:, k, a] (t − middle)^k.
+
+    Example:
+        >>> borders, first, c = span_polynomials(np.array([0.0, 0, 2, 2]), 1)
+        >>> borders.tolist(), first.tolist(), c.tolist()
+        ([0.0, 2.0], [0], [[[0.5, 0.5], [-0.5, 0.5]]])
+    """
+    borders = np.unique(knots[degree : len(knots) - degree])
+    first, values = basis_functions(knots, degree, 0.5 * (borders[:-1] + borders[1:]), degree)
+    factorials = np.cumprod(np.maximum(np.arange(degree + 1.0), 1.0))
+    return borders, first, np.asarray(np.moveaxis(values, 2, 0) / factorials[:, None])
+
+
+def powers(t: FloatArray, degree: int, order: int) -> FloatArray:
+    """Derivatives of order 0 … `order` of 1, t, …, t^degree at t of shape (N,): shape (N, order + 1, degree + 1).
+
+    Example:
+        >>> powers(np.array([3.0]), 2, 1).tolist()
+        [[[1.0, 3.0, 9.0], [0.0, 1.0, 6.0]]]
+    """
+    rows = np.zeros((len(t), order + 1, degree + 1))
+    rows[:, 0, 0] = 1.0
+    for j in range(1, degree + 1):
+        rows[:, 0, j] = rows[:, 0, j - 1] * t
+    for k in range(1, order + 1):
+        rows[:, k, 1:] = rows[:, k - 1, :-1] * np.arange(1.0, degree + 1)
+    return rows
+
+
 def greville(knots: FloatArray, degree: int) -> FloatArray:
     """The Greville abscissae: means of `degree` successive knots, one for each coefficient."""
     return np.lib.stride_tricks.sliding_window_view(knots[1:-1], degree).mean(axis=-1)

@@ -8,12 +8,14 @@ from typing import Literal
 
 import numpy as np
 from scipy.interpolate import BSpline
+from scipy.spatial import cKDTree
 
 from batten.errors import InvalidInputError
-from batten.surfaces.bspline_basis import basis_functions, check_knots, rewrite
-from batten.typing import ArrayLike, FloatArray
+from batten.surfaces.bspline_basis import check_knots, powers, rewrite, span_polynomials
+from batten.typing import ArrayLike, FloatArray, IntArray
 
-_CHUNK = 8192  # points evaluated at a time, so that their control points stay in the cache
+_CHUNK = 2048  # points evaluated at a time, so that their patches stay in the cache
+_TREES = 8  # search trees kept with a surface, at most
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,40 +130,44 @@ class BSplineSurface:
         result = np.full((order + 1, order + 1, len(u), 3), np.nan)
         for start in range(0, len(u), _CHUNK):
             part = slice(start, start + _CHUNK)
-            self._evaluate(u[part], v[part], order, result[:, :, part])
+            result[:, :, part] = self._evaluate(u[part], v[part], order)
         result[:, :, ~inside] = np.nan
+        for k in range(1, order + 1):
+            result[k, order + 1 - k :] = np.nan
         return result.reshape(order + 1, order + 1, *shape, 3)
 
-    def _evaluate(self, u: FloatArray, v: FloatArray, order: int, result: FloatArray) -> None:
-        """Writes D[k, l] of `derivatives` for finite parameters of shape (N,) into `result`."""
-        first_u, basis_u = basis_functions(self.knots_u, self.degree_u, u, order)
-        first_v, basis_v = basis_functions(self.knots_v, self.degree_v, v, order)
-        flat = self._homogeneous
-        columns = self.control_points.shape[1]
-        sums = np.zeros((order + 1, order + 1, flat.shape[0], len(u)))
-        for a in range(self.degree_u + 1):
-            rows = np.zeros((order + 1, flat.shape[0], len(u)))  # one row of the net, summed over v
-            index = (first_u + a) * columns + first_v
-            for b in range(self.degree_v + 1):
-                net = flat[:, index + b]
-                for l in range(order + 1):
-                    rows[l] += net * basis_v[l, b]
-            for k in range(order + 1):
-                for l in range(order + 1 - k):
-                    sums[k, l] += rows[l] * basis_u[k, a]
+    def _evaluate(self, u: FloatArray, v: FloatArray, order: int) -> FloatArray:
+        """D[k, l] of `derivatives` for finite parameters of shape (N,), and those with k + l > order."""
+        borders_u, borders_v, patches = self._patches
+        (span_u, local_u), (span_v, local_v) = _in_span(borders_u, u), _in_span(borders_v, v)
+        patch = patches[span_u * (len(borders_v) - 1) + span_v]
+        along_u = powers(local_u, self.degree_u, order) @ patch.reshape(len(u), self.degree_u + 1, -1)
+        along_u = along_u.reshape(len(u), order + 1, self.degree_v + 1, -1)
+        sums = np.moveaxis(powers(local_v, self.degree_v, order)[:, None] @ along_u, 0, 2)
         if self.is_rational:
             _divide(sums, order)
-        for k in range(order + 1):
-            for l in range(order + 1 - k):
-                result[k, l] = sums[k, l, :3].T
+        return sums[..., :3]
+
+    @cached_property
+    def _patches(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Borders of the spans along u and v, and for each patch between them the surface as a polynomial.
+
+        Shape (patches, degree_u + 1, degree_v + 1, 3 or 4): coefficients of powers of the distances from its middle.
+        """
+        borders_u, first_u, cu = span_polynomials(self.knots_u, self.degree_u)
+        borders_v, first_v, cv = span_polynomials(self.knots_v, self.degree_v)
+        net = self._homogeneous[first_u[:, None] + np.arange(self.degree_u + 1)]
+        net = net[:, :, first_v[:, None] + np.arange(self.degree_v + 1)]
+        patches = np.einsum("tlb,sktbd->stkld", cv, np.einsum("ska,satbd->sktbd", cu, net))
+        return borders_u, borders_v, patches.reshape(-1, *patches.shape[2:])
 
     @cached_property
     def _homogeneous(self) -> FloatArray:
-        """The control points as (3, n m), or (4, n m) with w P and w: coordinates first, for long vector operations."""
-        points = self.control_points
-        if self.weights is not None:
-            points = np.concatenate([points * self.weights[..., None], self.weights[..., None]], axis=2)
-        return np.ascontiguousarray(points.reshape(-1, points.shape[2]).T)
+        """The control points (n, m, 3), or (n, m, 4) with w P and w."""
+        if self.weights is None:
+            return self.control_points
+        weights = self.weights[..., None]
+        return np.concatenate([self.control_points * weights, weights], axis=2)
 
     def normal(self, u: ArrayLike, v: ArrayLike, *, extend: float = 0.0) -> FloatArray:
         """Unit normals S_u × S_v / |S_u × S_v|, shape (…, 3); NaN where the derivatives are parallel."""
@@ -219,9 +225,8 @@ class BSplineSurface:
         The hull of the control points after every span was cut into sixteen, so it is at most about 1 % of the distance
         between surface and control points too large, and never too small.
         """
-        points = self._homogeneous.T.reshape(*self.control_points.shape[:2], -1)
         fine_u, fine_v = _refined(self.knots_u, self.degree_u), _refined(self.knots_v, self.degree_v)
-        points = rewrite(self.knots_u, self.degree_u, points, fine_u, self.degree_u)
+        points = rewrite(self.knots_u, self.degree_u, self._homogeneous, fine_u, self.degree_u)
         points = rewrite(self.knots_v, self.degree_v, np.moveaxis(points, 1, 0), fine_v, self.degree_v)
         if self.is_rational:
             points = points[..., :3] / points[..., 3:]
@@ -285,6 +290,21 @@ class SurfaceSamples:
         d = surface.derivatives(u[:, None], v, 1)
         return SurfaceSamples(u, v, d[0, 0], d[1, 0], d[0, 1])
 
+    def nearest(self, frame: FloatArray, wanted: FloatArray) -> tuple[IntArray, IntArray]:
+        """Indices along u and v of the sample next to each row of `wanted`, (N, d), in the coordinates `frame`, (d, 3)."""
+        key = frame.tobytes()
+        if key not in self._trees:
+            if len(self._trees) >= _TREES:
+                self._trees.clear()
+            self._trees[key] = cKDTree(self.points.reshape(-1, 3) @ frame.T)
+        found = np.asarray(self._trees[key].query(wanted)[1], dtype=np.int64)
+        return np.divmod(found, len(self.v))
+
+    @cached_property
+    def _trees(self) -> dict[bytes, cKDTree]:
+        """Search trees by the frame they were built in: most searches go along one direction."""
+        return {}
+
 
 def perpendicular_frame(axis: FloatArray) -> FloatArray:
     """Two unit vectors that complete `axis` to an orthonormal frame, shape (2, 3)."""
@@ -321,19 +341,25 @@ def _refined(knots: FloatArray, degree: int) -> FloatArray:
     return np.concatenate([np.full(degree + 1, inner[0]), middle, np.full(degree + 1, inner[-1])])
 
 
+def _in_span(borders: FloatArray, t: FloatArray) -> tuple[IntArray, FloatArray]:
+    """The span that holds each parameter, and its distance from the span's middle; the end spans reach out for ever."""
+    span = np.clip(np.searchsorted(borders, t, side="right") - 1, 0, len(borders) - 2)
+    return span, np.asarray(t - 0.5 * (borders[span] + borders[span + 1]))
+
+
 def _divide(sums: FloatArray, order: int) -> None:
-    """From the derivatives of w S and w to those of S, in place (the quotient rule; index 3 is w)."""
-    w = sums[0, 0, 3].copy()
-    point = sums[0, 0, :3]
+    """From the derivatives of (w S, w), (order + 1, order + 1, N, 4), to those of S, in place (the quotient rule)."""
+    w = sums[0, 0, :, 3:].copy()
+    point = sums[0, 0, :, :3]
     point /= w
     if order >= 1:
         for k, l in ((1, 0), (0, 1)):
-            sums[k, l, :3] = (sums[k, l, :3] - sums[k, l, 3] * point) / w
+            sums[k, l, :, :3] = (sums[k, l, :, :3] - sums[k, l, :, 3:] * point) / w
     if order >= 2:
-        du, dv, wu, wv = sums[1, 0, :3], sums[0, 1, :3], sums[1, 0, 3], sums[0, 1, 3]
-        sums[2, 0, :3] = (sums[2, 0, :3] - 2.0 * wu * du - sums[2, 0, 3] * point) / w
-        sums[0, 2, :3] = (sums[0, 2, :3] - 2.0 * wv * dv - sums[0, 2, 3] * point) / w
-        sums[1, 1, :3] = (sums[1, 1, :3] - wu * dv - wv * du - sums[1, 1, 3] * point) / w
+        du, dv, wu, wv = sums[1, 0, :, :3], sums[0, 1, :, :3], sums[1, 0, :, 3:], sums[0, 1, :, 3:]
+        sums[2, 0, :, :3] = (sums[2, 0, :, :3] - 2.0 * wu * du - sums[2, 0, :, 3:] * point) / w
+        sums[0, 2, :, :3] = (sums[0, 2, :, :3] - 2.0 * wv * dv - sums[0, 2, :, 3:] * point) / w
+        sums[1, 1, :, :3] = (sums[1, 1, :, :3] - wu * dv - wv * du - sums[1, 1, :, 3:] * point) / w
 
 
 def _crosses_itself(polygon: FloatArray) -> bool:

@@ -75,7 +75,12 @@ class Leaf:
 
 
 def intersect_planes(
-    surface: BSplineSurface, planes: Sequence[Plane], x: ArrayLike, *, extend: float = 0.0
+    surface: BSplineSurface,
+    planes: Sequence[Plane],
+    x: ArrayLike,
+    *,
+    order: Literal[1, 2] = 2,
+    extend: float = 0.0,
 ) -> Sections:
     """Sections of a surface by planes at given abscissae, with exact first and second derivatives.
 
@@ -87,6 +92,7 @@ def intersect_planes(
         surface: single-valued along the planes' y axes (`is_graph_along`), or see `parameters_along`.
         planes: m planes in any position.
         x: shape (n,) for the same abscissae in all planes, or (m, n).
+        order: 1 to do without the second derivatives, which are NaN then.
         extend: how far to continue the surface beyond its domain (see `BSplineSurface`).
 
     Returns:
@@ -116,21 +122,22 @@ def intersect_planes(
     for direction, members in groups.items():
         points = np.stack([planes[i].to_world(np.stack([x[i], np.zeros_like(x[i])], axis=-1)) for i in members])
         u[members], v[members] = parameters_along(surface, points, direction, extend=extend)
-    d = surface.derivatives(u, v, 2, extend=extend + 1e-9)
     frames = np.array([(p.x_axis, p.y_axis, p.normal) for p in planes]).reshape(-1, 3, 3)
-    origins = np.array([p.origin for p in planes]).reshape(-1, 3)
-    # Derivatives in the coordinates (x, y, normal) of each plane, coordinate first.
-    du, dv, duu, duv, dvv = (
-        np.einsum("mij,mnj->imn", frames, e) for e in (d[1, 0], d[0, 1], d[2, 0], d[1, 1], d[0, 2])
-    )
-    y = np.einsum("mnj,mj->mn", d[0, 0] - origins[:, None], frames[:, 1])
+    origins = np.array([p.origin for p in planes]).reshape(-1, 1, 3)
+    # Points and derivatives in the coordinates (x, y, normal) of each plane.
+    d = surface.derivatives(u, v, order, extend=extend + 1e-9)
+    d[0, 0] -= origins
+    d = np.moveaxis(d @ frames.transpose(0, 2, 1), -1, 2)
+    y, du, dv = d[0, 0, 1], d[1, 0], d[0, 1]
     determinant = du[0] * dv[2] - dv[0] * du[2]
     determinant = np.where(determinant == 0.0, np.nan, determinant)
     u1, v1 = dv[2] / determinant, -du[2] / determinant
-    bend = duu * u1**2 + 2.0 * duv * u1 * v1 + dvv * v1**2
+    slope = du[1] * u1 + dv[1] * v1
+    if order == 1:
+        return Sections(y, slope, np.full(y.shape, np.nan), u, v)
+    bend = d[2, 0] * u1**2 + 2.0 * d[1, 1] * u1 * v1 + d[0, 2] * v1**2
     u2 = (dv[0] * bend[2] - dv[2] * bend[0]) / determinant
     v2 = (du[2] * bend[0] - du[0] * bend[2]) / determinant
-    slope = du[1] * u1 + dv[1] * v1
     return Sections(y, slope, du[1] * u2 + dv[1] * v2 + bend[1], u, v)
 
 

@@ -43,7 +43,7 @@ def loft(
         >>> import numpy as np
         >>> line = BSplineCurve.interpolate([[0, 0], [1, 0], [2, 0], [3, 0]], np.linspace(0, 1, 4))
         >>> arch = BSplineCurve.interpolate([[0, 0], [1, 2], [2, 2], [3, 0]], np.linspace(0, 1, 4))
-        >>> loft([line, arch], [0.0, 10.0]).point(1 / 3, [0.0, 5.0, 10.0]).round(12).tolist()
+        >>> (loft([line, arch], [0.0, 10.0]).point(1 / 3, [0.0, 5.0, 10.0]).round(12) + 0.0).tolist()
         [[1.0, 0.0, 0.0], [1.0, 5.0, 1.0], [1.0, 10.0, 2.0]]
     """
     across = np.asarray(positions, dtype=np.float64)

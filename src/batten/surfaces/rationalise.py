@@ -110,7 +110,7 @@ def rationalise(
         )
     if not tolerance > 0.0:
         raise InvalidInputError(f"tolerance = {tolerance}; allowed are numbers above 0")
-    sections = intersect_planes(surface, list(planes), borders, extend=extend)
+    sections = intersect_planes(surface, list(planes), borders, order=1, extend=extend)
     own = np.stack([sections.y, np.arctan(sections.slope)], axis=-1)
     target = _Target(surface, tuple(planes), borders, inside, extend, nodes)
     # In portions: a bar to look at, and arrays that stay in the cache.
@@ -165,7 +165,7 @@ class _Target:
         """
         r, c, n, _ = points.shape
         section = intersect_planes(
-            self.surface, [self.planes[i] for i in rows], points[..., 0].reshape(r, c * n), extend=self.extend
+            self.surface, [self.planes[i] for i in rows], points[..., 0].reshape(r, c * n), order=1, extend=self.extend
         )
         y, slope = section.y.reshape(r, c, n), section.slope.reshape(r, c, n)
         cosine = 1.0 / np.sqrt(1.0 + slope**2)

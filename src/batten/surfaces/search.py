@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from batten.errors import InvalidInputError
 from batten.surfaces.bspline_surface import BSplineSurface, perpendicular_frame, unit_vector
@@ -20,7 +19,7 @@ def parameters_along(
 ) -> tuple[FloatArray, FloatArray]:
     """Parameters (u, v) where the lines through `points` along `direction` meet the surface.
 
-    Damped Newton on the two coordinates across the lines, from the nearest of the surface's `samples`.
+    Damped Newton on the two coordinates across the lines, from near the nearest of the surface's `samples`.
 
     Parameters:
         surface: where several of its points lie on one line, one of them is found, as a rule on the sheet of the
@@ -57,7 +56,7 @@ def parameters_along(
 
     # On the way the search may leave the region where the end is wanted.
     low, high = _bounds(surface, extend + 0.5)
-    at, gap = _newton(_nearest_samples(surface, frame, wanted), low, high, evaluate)
+    at, gap = _newton(_starts(surface, frame, wanted), low, high, evaluate)
     low, high = _bounds(surface, extend + 1e-12)
     with np.errstate(invalid="ignore"):
         at[~((gap <= 1e-13 * size) & (at >= low).all(axis=1) & (at <= high).all(axis=1))] = np.nan
@@ -69,7 +68,7 @@ def closest_parameters(
 ) -> tuple[FloatArray, FloatArray]:
     """Parameters (u, v) of the surface points nearest to `points`.
 
-    Minimises |S(u, v) − P|² over the domain by damped Newton from the nearest of the surface's `samples`; on the border
+    Minimises |S(u, v) − P|² over the domain by damped Newton from near the nearest of the surface's `samples`; on the border
     only the parameter that can still move does.
 
     Parameters:
@@ -114,7 +113,7 @@ def closest_parameters(
         distance = np.sqrt(_dot(miss, miss))
         return distance, step, length <= 1e-8 * size[rows]
 
-    at, _ = _newton(_nearest_samples(surface, np.eye(3), wanted), low, high, evaluate)
+    at, _ = _newton(_starts(surface, np.eye(3), wanted), low, high, evaluate)
     return at[:, 0].reshape(shape), at[:, 1].reshape(shape)
 
 
@@ -130,7 +129,7 @@ def _newton(
     merit is halved until it does; a row whose steps no longer help has arrived at rounding, or at a minimum. The step
     at which a row stops is taken, for Newton doubles the digits.
     """
-    best = start.copy()
+    best = np.clip(start, low, high)
     merit = np.full(len(start), np.inf)
     step = np.zeros_like(start)
     shrink = np.ones(len(start))
@@ -152,14 +151,22 @@ def _newton(
     return best, merit
 
 
-def _nearest_samples(surface: BSplineSurface, frame: FloatArray, wanted: FloatArray) -> FloatArray:
-    """Parameters of the sample nearest to each row of `wanted`, (N, d), in the coordinates `frame`, (d, 3): (N, 2)."""
+def _starts(surface: BSplineSurface, frame: FloatArray, wanted: FloatArray) -> FloatArray:
+    """Parameters (N, 2) near each row of `wanted`, (N, d), in the coordinates `frame`, (d, 3); NaN for rows not finite.
+
+    Those of the nearest sample, and a Newton step from there by at most one cell of the grid.
+    """
     samples = surface.samples
-    tree = cKDTree(samples.points.reshape(-1, 3) @ frame.T)
-    known = np.isfinite(wanted).all(axis=1)
     start = np.full((len(wanted), 2), np.nan)
-    i, j = np.divmod(np.asarray(tree.query(wanted[known])[1], dtype=np.int64), len(samples.v))
-    start[known] = np.stack([samples.u[i], samples.v[j]], axis=1)
+    known = np.isfinite(wanted).all(axis=1)
+    i, j = samples.nearest(frame, wanted[known])
+    miss = wanted[known] - samples.points[i, j] @ frame.T
+    du, dv = samples.du[i, j] @ frame.T, samples.dv[i, j] @ frame.T
+    across = _dot(du, dv)
+    normal = np.stack([_dot(du, du), across], axis=1), np.stack([across, _dot(dv, dv)], axis=1)
+    cell = np.array([np.diff(samples.u).max(), np.diff(samples.v).max()])
+    step = np.clip(_solve(*normal, np.stack([_dot(du, miss), _dot(dv, miss)], axis=1)), -cell, cell)
+    start[known] = np.stack([samples.u[i], samples.v[j]], axis=1) + np.where(np.isfinite(step), step, 0.0)
     return start
 
 
@@ -182,7 +189,7 @@ def _solve(first: FloatArray, second: FloatArray, right: FloatArray) -> FloatArr
 
 
 def _dot(a: FloatArray, b: FloatArray) -> FloatArray:
-    return np.asarray((a * b).sum(axis=-1))
+    return np.asarray(np.einsum("...i,...i", a, b))
 
 
 def _rows(points: ArrayLike) -> tuple[FloatArray, tuple[int, ...]]:
