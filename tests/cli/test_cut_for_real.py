@@ -212,6 +212,32 @@ def test_every_geometry_of_the_rhino_file_is_valid(real_cut, stored):
             assert np.linalg.norm(gripper.position_mm - [point.X, point.Y, point.Z]) < 1e-6
 
 
+def test_the_examples_refusal_is_refused_for_what_it_says(tmp_path, capsys):
+    shutil.copy(WALL / "freeform-surface.3dm", tmp_path)
+    text = (WALL / "refused.toml").read_text(encoding="utf-8")
+    (tmp_path / "refused.toml").write_text(text.replace("spacing_mm = 20.0", "spacing_mm = 60.0"), encoding="utf-8")
+    out = tmp_path / "out"
+    assert main(["cut", str(tmp_path / "refused.toml"), "-o", str(out), "--json", "--no-pictures"]) == 1
+    summary = json.loads(capsys.readouterr().out)
+    assert summary["whole"] is False
+    plan = read_cut_json(out / "cut.json").plan
+    reasons = {r.leaf: " ".join(r.reasons) for r in plan.rods if r.status == "refused"}
+    leaves = {r.leaf for r in plan.rods}
+    assert {1, max(leaves)} <= set(reasons), "the straight borders"
+    assert "bow of the rod over its chord" in reasons[1]
+    assert "bow of the rod over its chord" in reasons[max(leaves)]
+    assert sum("greatest deviation from the surface" in text for text in reasons.values()) > 5
+    assert len(reasons) < 0.5 * len(leaves)
+    assert summary["refused_leaves"] == sorted(reasons)
+    told = {
+        int(leaf)
+        for path in (out / "rapid").iterdir()
+        for leaf in re.findall(r"! block \d+, leaf (\d+)", path.read_text(encoding="ascii"))
+    }
+    assert told == leaves - set(reasons)
+    assert {row.leaf for row in read_rods_csv(out / "rods.csv")} == told
+
+
 def test_a_rod_shorter_than_a_leaf_is_one_line_and_status_2(tmp_path, capsys):
     shutil.copy(WALL / "freeform-surface.3dm", tmp_path)
     text = (WALL / "wall.toml").read_text(encoding="utf-8")
