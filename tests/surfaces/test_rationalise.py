@@ -131,6 +131,20 @@ def test_joints_are_moved_only_where_the_tolerance_is_missed_and_it_helps(diffic
     assert_smooth(chains)
 
 
+def test_no_round_makes_it_worse(wall, difficult) -> None:
+    planes, edges, chains = difficult
+    some = np.r_[0:11, 26:36]
+    worst = np.array([
+        np.nanmax(
+            rationalise(wall, [planes[i] for i in some], edges[some], TOLERANCE, inside=within, rounds=r).deviation, axis=1
+        )
+        for r in range(6)
+    ])  # fmt: skip
+    assert worst[0] == pytest.approx(np.nanmax(chains.first_deviation[some], axis=1), abs=0.02 * TOLERANCE)
+    assert (np.diff(worst, axis=0) <= 0.0).all()
+    assert (np.diff(worst, axis=0) < 0.0).any(axis=1)[:3].all(), "and the first rounds help"
+
+
 def test_unmoved_joints_are_the_surfaces_own_points_and_tangents(wall, difficult) -> None:
     planes, edges, chains = difficult
     own = chains.joints - chains.moved
