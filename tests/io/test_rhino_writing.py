@@ -42,7 +42,7 @@ def test_everything_is_valid_on_its_layer_and_in_mm(plan: CutPlan, tmp_path: Pat
     assert [layer.FullPath for layer in model.Layers] == ["surface", "blocks", "leaves", "rods", "frames"]
     assert all(o.Geometry.IsValid for o in model.Objects)
     counts = [len(objects(path, layer.FullPath)) for layer in model.Layers]
-    assert counts == [1, 4, 12, 12, 72]
+    assert counts == [1, 4, 12, 12, 24]
     assert [p.name for p in tmp_path.iterdir()] == ["cut.3dm"]
     for layer in ("leaves", "rods"):
         found = [(int(texts(o)["block"]), int(texts(o)["leaf"])) for o in objects(path, layer)]
@@ -103,21 +103,20 @@ def test_a_strongly_bent_rod_is_joined_from_many_pieces(make_plan: object, tmp_p
 
 def test_frames_stand_at_the_grippers(plan: CutPlan, tmp_path: Path) -> None:
     write_cut_3dm(plan, tmp_path / "cut.3dm")
-    lines = objects(tmp_path / "cut.3dm", "frames")
+    frames = objects(tmp_path / "cut.3dm", "frames")
     for i, rod in enumerate(plan.rods):
         for side, frame in enumerate(rod.grippers()):
-            three = lines[6 * i + 3 * side : 6 * i + 3 * side + 3]
-            starts = [xyz(o.Geometry.PointAtStart) for o in three]  # type: ignore[attr-defined]
-            axes = [(xyz(o.Geometry.PointAtEnd) - s) / 40.0 for o, s in zip(three, starts)]  # type: ignore[attr-defined]
-            assert starts == [pytest.approx(frame.position_mm)] * 3
-            assert axes[0] == pytest.approx(frame.tangent)
-            assert axes[2] == pytest.approx(frame.normal)
-            assert np.cross(axes[0], axes[1]) == pytest.approx(axes[2], abs=1e-12)
-            assert texts(three[0]) == {
-                "block": str(rod.block),
-                "leaf": str(rod.leaf),
-                "gripper": ("left", "right")[side],
-            }
+            item = frames[2 * i + side]
+            curve = item.Geometry  # type: ignore[attr-defined]
+            corners = np.array([xyz(curve.Point(k)) for k in range(curve.PointCount)])
+            assert corners[[1, 3]] == pytest.approx(np.stack([frame.position_mm] * 2))
+            along, across, normal = (corners[[0, 2, 4]] - corners[1]) / np.array([[60.0], [40.0], [20.0]])
+            assert along == pytest.approx(frame.tangent)
+            assert normal == pytest.approx(frame.normal)
+            assert np.cross(along, across) == pytest.approx(normal, abs=1e-12)
+            side_name = ("left", "right")[side]
+            assert texts(item) == {"block": str(rod.block), "leaf": str(rod.leaf), "gripper": side_name}
+            assert item.Attributes.Name == f"block {rod.block} leaf {rod.leaf} {side_name}"  # type: ignore[attr-defined]
 
 
 def test_rods_say_what_became_of_them(plan: CutPlan, tmp_path: Path) -> None:

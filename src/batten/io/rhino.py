@@ -14,7 +14,7 @@ import rhino3dm as _rhino3dm
 from batten.curves.bspline import BSplineCurve
 from batten.curves.elastica import Elastica, states_along
 from batten.errors import FormatError, InvalidInputError
-from batten.fabrication.plan import CutPlan
+from batten.fabrication.plan import CutPlan, GripperFrames, gripper_frames
 from batten.surfaces.bspline_surface import BSplineSurface
 from batten.surfaces.plane import Plane
 from batten.typing import FloatArray
@@ -268,7 +268,7 @@ def _space_curve(path: Path, name: str, geometry: Any) -> tuple[int, FloatArray,
 
 
 _CURVE_TOLERANCE_MM = 0.01
-_AXIS_MM = 40.0
+_AXES_MM = (60.0, 40.0, 20.0)  # along the tangent, across the rod in its plane, along the plane's normal
 _COLOURS = {
     "surface": (190, 190, 190),
     "blocks": (120, 140, 160),
@@ -276,7 +276,6 @@ _COLOURS = {
     "rods": (60, 60, 60),
     "frames": (0, 0, 0),
 }
-_AXIS_COLOURS = ((220, 40, 40), (40, 160, 40), (40, 40, 220))
 _REFUSED_COLOUR = (230, 120, 0)
 
 
@@ -284,9 +283,10 @@ def write_cut_3dm(plan: CutPlan, path: str | Path, surface: BSplineSurface | Non
     """A cut as a .3dm file in mm: blocks, leaves, rods and gripper frames, each on its layer and with its numbers.
 
     Layers: `blocks` (boxes), `leaves` (the elastica within the block), `rods` (the whole rod), `frames` (at each gripper
-    three lines of 40 mm: tangent red, across the rod in its plane green, the plane's normal blue), `surface` (the wanted
-    one). Every object bears the user texts `block` and `leaf` (the block alone for blocks) and a name; rods also
-    `length_mm`, `status`, and where there are any, `repair` and `reasons`. Refused rods are orange.
+    one polyline of five corners: 60 mm along the tangent, the gripper's place, 40 mm across the rod in its plane, the place,
+    20 mm along the plane's normal), `surface` (the wanted one). Every object bears the user texts `block` and `leaf` (the
+    block alone for blocks) and a name; rods also `length_mm`, `status`, and where there are any, `repair` and `reasons`;
+    frames `gripper`, left or right. Refused rods are orange.
 
     Parameters:
         plan: the cut.
@@ -314,7 +314,8 @@ def write_cut_3dm(plan: CutPlan, path: str | Path, surface: BSplineSurface | Non
     planes = [rod.plane for rod in plan.rods]
     leaves = _rhino_curves([rod.piece for rod in plan.rods], planes)
     rods = _rhino_curves([rod.rod for rod in plan.rods], planes)
-    for rod, leaf_curve, rod_curve in zip(plan.rods, leaves, rods):
+    frames = _axes_curves(gripper_frames(plan.rods))
+    for rod, leaf_curve, rod_curve, axes in zip(plan.rods, leaves, rods, frames):
         texts = {"block": str(rod.block), "leaf": str(rod.leaf)}
         more = {"length_mm": f"{rod.rod.length:.6f}", "status": rod.status}
         more |= {k: "; ".join(v) for k, v in (("repair", rod.repair), ("reasons", rod.reasons)) if v}
@@ -322,13 +323,8 @@ def write_cut_3dm(plan: CutPlan, path: str | Path, surface: BSplineSurface | Non
         name = f"block {rod.block} leaf {rod.leaf}"
         draw.add("leaves", name, leaf_curve, texts, colour)
         draw.add("rods", name, rod_curve, texts | more, colour)
-        for side, frame in zip(("left", "right"), rod.grippers()):
-            axes = (frame.tangent, np.cross(frame.normal, frame.tangent), frame.normal)
-            for axis, axis_colour in zip(axes, _AXIS_COLOURS):
-                ends = (
-                    rhino3dm.Point3d(*map(float, p)) for p in (frame.position_mm, frame.position_mm + _AXIS_MM * axis)
-                )
-                draw.add("frames", f"{name} {side}", rhino3dm.LineCurve(*ends), texts | {"gripper": side}, axis_colour)
+        for side, curve in zip(("left", "right"), axes):
+            draw.add("frames", f"{name} {side}", curve, texts | {"gripper": side})
     draw.write(Path(path))
 
 
@@ -380,6 +376,21 @@ def _rhino_surface(surface: BSplineSurface) -> Any:
         for i, knot in enumerate(knots[1:-1]):
             target[i] = float(knot)
     return result
+
+
+def _axes_curves(frames: GripperFrames) -> list[tuple[Any, Any]]:
+    """For each rod the axes of its left and its right gripper, each as one polyline: three lines each take twice as long."""
+    places, tangents = frames.positions_mm, frames.tangents
+    normals = np.broadcast_to(frames.normals[:, None], tangents.shape)
+    along, across, normal = (
+        places + length * axis for length, axis in zip(_AXES_MM, (tangents, np.cross(normals, tangents), normals))
+    )
+    corners = np.stack([along, places, across, places, normal], axis=2).tolist()
+    return [(_polyline(left), _polyline(right)) for left, right in corners]
+
+
+def _polyline(corners: list[list[float]]) -> Any:
+    return rhino3dm.Polyline([rhino3dm.Point3d(*corner) for corner in corners]).ToPolylineCurve()
 
 
 def _rhino_curves(rods: Sequence[Elastica], planes: Sequence[Plane]) -> list[Any]:
