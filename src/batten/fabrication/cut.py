@@ -193,7 +193,7 @@ def _place(
         if turn_deg:
             repair.append(f"planes turned by {turn_deg:g}°")
         if moved[i, 0] > 0.0:
-            repair.append(f"joints moved by up to {moved[i, 0]:.2f} mm and {np.degrees(moved[i, 1]):.2f}°")
+            repair.append(f"border points moved by up to {moved[i, 0]:.2f} mm and {np.degrees(moved[i, 1]):.2f}°")
         rods.append(
             RodPlacement(
                 block=blocks[j].number,
@@ -322,7 +322,7 @@ def _facts(
         "rods": len(rods),
         "refused_leaves": len(refused),
         "turn_deg": turn_deg,
-        "repaired_leaves": len({r.leaf for r in rods if any("joints" in text for text in r.repair)}),
+        "repaired_leaves": len({r.leaf for r in rods if any("border points" in text for text in r.repair)}),
         "leaves_not_close_to_elastica": int((worst > _CLOSE_LAMBDA_RESIDUAL).sum()),
         "leaves_far_from_elastica": int((worst > _GOOD_LAMBDA_RESIDUAL).sum()),
         "worst_lambda_residual": float(np.nanmax(residual)),

@@ -23,7 +23,7 @@ def reach_checks(motions: Sequence[BlockMotion], cell: RobotCell, n_rods: int) -
     - `conditioning` (soft): least singular value of the Jacobian, metres and radians; 0 where it cannot be reached.
     - `joint_speed` (%): the fastest joint's share of its rated speed on the moves to and from the leaf, when the faster
       rod end moves at the cutting speed.
-    - `joint_step` (°): the greatest turn of a joint on these moves.
+    - `joint_step` (°): the greatest turn of a joint on these moves; on a move over leaves that are left out, per leaf.
 
     Parameters:
         motions: at most one for each rod and block.
@@ -56,7 +56,8 @@ def reach_checks(motions: Sequence[BlockMotion], cell: RobotCell, n_rods: int) -
         robots: tuple[RobotArm, RobotArm] = (cell.left, cell.right)
         speed = [(s / seconds[:, None] / robot.joint_speeds_rad_s).max(axis=1) for s, robot in zip(steps, robots)]
         values["joint_speed"][rods] = 100.0 * _worst_move(np.fmax(*speed))
-        inner = np.fmax(*(s[1:-1].max(axis=1) for s in steps))  # the ways in and out are longer than a step
+        # The ways in and out are longer than a step; so is a move over leaves that are left out.
+        inner = np.fmax(*(s[1:-1].max(axis=1) for s in steps)) / np.maximum(np.diff(rods), 1)
         values["joint_step"][rods] = np.degrees(_worst_move(np.r_[np.nan, inner, np.nan]))
     return _results(values, cell)
 

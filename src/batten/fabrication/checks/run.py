@@ -118,7 +118,7 @@ def refusals(checks: Sequence[CheckResult], rods: Sequence[RodPlacement]) -> dic
 
 def _reason(check: CheckResult, broken: Sequence[int], rods: Sequence[RodPlacement]) -> str:
     worst, block = float(check.values[broken[0]]), rods[broken[0]].block
-    unit = f" {check.unit}" if check.unit else ""
+    unit = check.unit if check.unit in ("", "°") else f" {check.unit}"
     value, limit = _apart(worst, check.limit)
     text = (
         f"{check.title[0].lower()}{check.title[1:]} {value}{unit} {'>' if check.sense == 'max' else '<'} {limit}{unit}"
@@ -129,7 +129,8 @@ def _reason(check: CheckResult, broken: Sequence[int], rods: Sequence[RodPlaceme
 
 
 def _apart(value: float, limit: float) -> tuple[str, str]:
-    """Both numbers with so few digits, from three on, that they still read as different."""
+    """Both numbers with so few digits, from three on, that they still read as different; rounding noise reads as 0."""
+    value = 0.0 if abs(value) < 1e-9 * abs(limit) else value
     for digits in range(3, 17):
         texts = f"{value:.{digits}g}", f"{limit:.{digits}g}"
         if texts[0] != texts[1]:
