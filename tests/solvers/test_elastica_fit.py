@@ -239,8 +239,8 @@ def test_the_residuals_are_those_of_the_guess():
     [
         (lambda: fit_elastica(CURVES[0], "L1"), "'L2' or 'H1'; got 'L1'"),
         (lambda: fit_elastica(CURVES[0], ends="fixed"), "'free', 'points' or 'tangents'; got 'fixed'"),
-        (lambda: fit_elastica(CURVES[0], starts=0), "1 to 11; got 0"),
-        (lambda: fit_elastica(CURVES[0], starts=12), "1 to 11; got 12"),
+        (lambda: fit_elastica(CURVES[0], starts=0), "1 to 13; got 0"),
+        (lambda: fit_elastica(CURVES[0], starts=14), "1 to 13; got 14"),
         (lambda: fit_elastica(samples_of(CURVES)[0]), "one curve; got 6; use fit_elastica_batch"),
         (lambda: fit_elastica(np.zeros((4, 2))), "no length or is not finite"),
         (lambda: fit_elastica(np.full((4, 2), np.nan)), "no length or is not finite"),

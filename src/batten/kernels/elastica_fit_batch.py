@@ -13,10 +13,11 @@ from batten.kernels.shape_library import best_shapes, place, resample
 # How many different starts there are: the canonical guess; the affine curvature of eq. (6) integrated from the middle; the
 # most similar shapes of a library, with different numbers of inflections; the affine curvature fitted in H¹ first; the mean
 # circle; half the force; a larger force; the opposite curvature in the middle.
-LIBRARY_FIRST, LIBRARY_COUNT = 2, 4
+LIBRARY_FIRST, LIBRARY_COUNT = 2, 6
 IN_H1 = LIBRARY_FIRST + LIBRARY_COUNT
 MAX_STARTS = IN_H1 + 5
 _FIRST_LAP = 15  # iterations that every start gets
+_GO_ON = 2  # how many go on after that
 _POOR = 0.5 * 0.04**2  # F of a fit so far away that all starts are tried
 FIT_GAVE_UP = 9  # within this module: it has had its iterations
 
@@ -83,55 +84,58 @@ def fit_starts(p, th, k, w, f, e, guess, library, m, h1, ridge, starts, max_iter
     curve, chosen = np.empty(library.shapes.shape[1], np.complex128), np.empty(LIBRARY_COUNT, np.int64)
     total = 0
     first = max_iterations if starts == 1 else min(_FIRST_LAP, max_iterations)
-    for which in range(MAX_STARTS):
-        if which >= starts and (starts == 1 or np.min(values) < _POOR):
-            break  # those left are for curves that no start came near
-        if which == IN_H1 and h1:
-            continue
-        if LIBRARY_FIRST <= which < IN_H1:
-            if which == LIBRARY_FIRST:
-                resample(p[inner], f[inner], e, curve.shape[0] - 4, curve)
-                most_off = 4.0 if m == 6 or h1 else math.inf
-                best_shapes(
-                    curve, library.shapes, library.classes, library.turnings, e[1, 2] - e[0, 2], most_off, chosen
-                )
-            i = chosen[which - LIBRARY_FIRST]
-            if i < 0:
+    best, begin, end = 0, 0, starts
+    for _ in range(2):
+        for which in range(begin, end):
+            if which == IN_H1 and h1:
                 continue
-            angle = 0.5 * (e[0, 2] + e[1, 2]) - library.means[i]
-            place(curve, library.weights, library.shapes[i], library.norms[i], library.centres[i], angle, mid)
-            mid[3:6] = library.unknowns[i]
-        elif not make_start(which, p[inner], th[inner], k[inner], w[inner], f[inner], guess, mid):
-            continue
-        # One start runs in H¹ first, then once more in the metric that was asked for.
-        for stage in range(2 if which == IN_H1 else 1):
-            states[which], values[which], iterations, optimalities[which] = fit_from(
-                mid, p, th, w, f, e, m, h1 or (which == IN_H1 and stage == 0), ridge, first, trial
+            if LIBRARY_FIRST <= which < IN_H1:
+                if which == LIBRARY_FIRST:
+                    resample(p[inner], f[inner], e, curve.shape[0] - 4, curve)
+                    most_off = 4.0 if m == 6 or h1 else math.inf
+                    best_shapes(
+                        curve, library.shapes, library.classes, library.turnings, e[1, 2] - e[0, 2], most_off, chosen
+                    )
+                i = chosen[which - LIBRARY_FIRST]
+                if i < 0:
+                    continue
+                angle = 0.5 * (e[0, 2] + e[1, 2]) - library.means[i]
+                place(curve, library.weights, library.shapes[i], library.norms[i], library.centres[i], angle, mid)
+                mid[3:6] = library.unknowns[i]
+            elif not make_start(which, p[inner], th[inner], k[inner], w[inner], f[inner], guess, mid):
+                continue
+            # One start runs in H¹ first, then once more in the metric that was asked for.
+            for stage in range(2 if which == IN_H1 else 1):
+                states[which], values[which], iterations, optimalities[which] = fit_from(
+                    mid, p, th, w, f, e, m, h1 or (which == IN_H1 and stage == 0), ridge, first, trial
+                )
+                total += iterations
+                mid[:] = trial
+            found[which] = trial
+            if values[which] < 1e-24:
+                break
+        best = np.argmin(values)
+        for _ in range(_GO_ON):
+            # The best one goes on if it is not done, then the next, if it is not far behind.
+            onward = -1
+            for which in range(MAX_STARTS):
+                near = values[which] < 4.0 * values[best] and states[which] == FIT_ITERATIONS
+                if near and (onward < 0 or values[which] < values[onward]):
+                    onward = which
+            if onward < 0 or first == max_iterations:
+                break
+            mid[:] = found[onward]
+            states[onward], values[onward], iterations, optimalities[onward] = fit_from(
+                mid, p, th, w, f, e, m, h1, ridge, max_iterations - first, trial
             )
             total += iterations
-            mid[:] = trial
-        found[which] = trial
-        if values[which] < 1e-24:
+            found[onward] = trial
+            if states[onward] == FIT_ITERATIONS:
+                states[onward] = FIT_GAVE_UP
+            best = np.argmin(values)
+        if starts == 1 or (states[best] != FIT_GAVE_UP and values[best] < _POOR):
             break
-    best = np.argmin(values)
-    for _ in range(2):
-        # The best one goes on if it is not done, then the next, if it is not far behind.
-        onward = -1
-        for which in range(MAX_STARTS):
-            near = values[which] < 4.0 * values[best] and states[which] == FIT_ITERATIONS
-            if near and (onward < 0 or values[which] < values[onward]):
-                onward = which
-        if onward < 0 or first == max_iterations:
-            break
-        mid[:] = found[onward]
-        states[onward], values[onward], iterations, optimalities[onward] = fit_from(
-            mid, p, th, w, f, e, m, h1, ridge, max_iterations - first, trial
-        )
-        total += iterations
-        found[onward] = trial
-        if states[onward] == FIT_ITERATIONS:
-            states[onward] = FIT_GAVE_UP
-        best = np.argmin(values)
+        begin, end = starts, MAX_STARTS  # for curves that no start came near, or from which none converged
     for which in range(MAX_STARTS):
         if states[which] == FIT_GAVE_UP:
             states[which] = FIT_ITERATIONS

@@ -153,8 +153,8 @@ def fit_elastica(
         metric: "L2" or "H1".
         ends: "free", "points" (end points held) or "tangents" (end points and end tangents held).
         starts: 1 takes only the canonical initial guess. More add the curvature integrated, then the most similar shapes of
-            a library, each with another number of inflections, then others, up to 11. All are tried where none comes
-            within 4 % of the length.
+            a library, each with another number of inflections, then others, up to 13. All are tried where none comes
+            within 4 % of the length, or none converges.
         nodes: Gauss nodes on each smooth piece.
         solver: "batten", or "ipopt" for the independent reference (extra `verify`): one start, the canonical guess.
 

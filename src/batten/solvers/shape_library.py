@@ -14,9 +14,9 @@ from batten.kernels.shape_library import HANDLE
 from batten.typing import FloatArray, IntArray
 
 UNIFORM = 24  # points along each shape
-_INFLECTIONAL = (0.2, 0.4, 0.55, 0.68, 0.78, 0.85, 0.9, 0.94, 0.97, 0.985, 0.995)
+_INFLECTIONAL = (0.2, 0.4, 0.55, 0.68, 0.78, 0.85, 0.9, 0.94, 0.97, 0.985, 0.995, 0.9995, 0.99999)
 _WITHOUT = (1.002, 1.01, 1.03, 1.07, 1.15, 1.3, 1.6, 2.5, 6.0)
-_SPANS = (0.25, 0.45, 0.65, 0.85, 1.05, 1.3, 1.6, 2.0, 2.5, 3.1)  # in half periods
+_SPANS = (0.25, 0.45, 0.65, 0.85, 1.05, 1.3, 1.6, 2.0, 2.5, 3.1, 3.8, 4.5)  # in half periods
 _PHASES = 12  # a period
 
 
@@ -43,7 +43,8 @@ def _states() -> tuple[FloatArray, FloatArray]:
     rows = []
     for k in (*_INFLECTIONAL, *_WITHOUT):
         half = 2.0 * ellipk(k * k) if k < 1.0 else ellipk(1.0 / k**2) / k
-        phases = np.arange(_PHASES) / _PHASES * 2.0 * half
+        count = _PHASES if half < 8.0 else 2 * _PHASES  # next to k = 1 the bends are short
+        phases = np.arange(count) / count * 2.0 * half
         basic = states_along([0.0, 0.0, 0.0, 2.0 * k, 1.0, 0.0, 1.0], phases)
         for span in _SPANS:
             ell = span * half
