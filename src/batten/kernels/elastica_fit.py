@@ -111,28 +111,38 @@ def _objective(mid, points, theta, weights, fractions, h1, ridge, s, values):
 
 @njit(cache=True, no_cfunc_wrapper=True)
 def restore(out, tips, ends, m, s, values, jac, c, a):
-    """Move `out` (7,) by scaled least-norm Newton steps onto the end conditions. True if they hold to 1e-12."""
+    """Move `out` (7,) by scaled least-norm Newton steps onto the end conditions. True if they hold to 1e-12.
+
+    A step that makes the largest error larger is halved.
+    """
     if m == 0:
         return True
     system = np.empty((6, 6))
-    previous = math.inf
-    for step in range(25):
-        sample_middle(out, tips, s, values, jac)
-        size = 0.0
-        for j in range(m):
-            e, r = (j // 2, j % 2) if m == 4 else (j // 3, j % 3)
-            c[j] = values[e, r] - ends[e, r]
-            size = max(size, abs(c[j]))
-            for k in range(7):
-                a[j, k] = jac[e, r, k]
-        if not math.isfinite(size):
-            return False
+    base, delta = np.empty(7), np.zeros(7)
+    previous, share = math.inf, 1.0
+    for step in range(40):
+        size = math.inf
+        if out[6] > 1e-6:
+            sample_middle(out, tips, s, values, jac)
+            size = 0.0
+            for j in range(m):
+                e, r = (j // 2, j % 2) if m == 4 else (j // 3, j % 3)
+                c[j] = values[e, r] - ends[e, r]
+                size = max(size, abs(c[j]))
+                for k in range(7):
+                    a[j, k] = jac[e, r, k]
         if size < 1e-14 or (size < 2e-13 and size >= 0.5 * previous):
             return True
-        if step > 8 and size > 0.5 * previous:
+        if not size < previous:  # too far: back by half
+            share *= 0.5
+            if share < 1e-3 or step == 0:
+                return size < 1e-12
+            for k in range(7):
+                out[k] = base[k] + share * delta[k]
+            continue
+        if step > 12 and size < 1e-8 and size > 0.5 * previous:
             return size < 1e-12
         previous = size
-        damp = 1.0 if size < 0.5 else 0.5 / size
         for i in range(m):
             for j in range(m):
                 total = 1e-15 if i == j else 0.0
@@ -142,14 +152,14 @@ def restore(out, tips, ends, m, s, values, jac, c, a):
                 system[i, j] = total
         if not solve_linear(system, c, m):
             return False
+        share = 1.0 if size < 0.5 else 0.5 / size
         for k in range(7):
             scale = 1.0 if k < 3 or k == 6 else (10.0 if k == 3 else 100.0)
             total = 0.0
             for i in range(m):
                 total += a[i, k] * c[i]
-            out[k] -= damp * scale * total
-        if not (out[6] > 1e-6):
-            return False
+            base[k], delta[k] = out[k], -scale * total
+            out[k] += share * delta[k]
     return False
 
 

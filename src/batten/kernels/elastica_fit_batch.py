@@ -84,13 +84,14 @@ def fit_starts(p, th, k, w, f, e, guess, library, m, h1, ridge, starts, max_iter
     curve, chosen = np.empty(library.shapes.shape[1], np.complex128), np.empty(LIBRARY_COUNT, np.int64)
     total = 0
     first = max_iterations if starts == 1 else min(_FIRST_LAP, max_iterations)
-    best, begin, end = 0, 0, starts
+    best, begin, end, prepared = 0, 0, starts, False
     for _ in range(2):
         for which in range(begin, end):
             if which == IN_H1 and h1:
                 continue
             if LIBRARY_FIRST <= which < IN_H1:
-                if which == LIBRARY_FIRST:
+                if not prepared:
+                    prepared = True
                     resample(p[inner], f[inner], e, curve.shape[0] - 4, curve)
                     most_off = 4.0 if m == 6 or h1 else math.inf
                     best_shapes(
@@ -133,7 +134,7 @@ def fit_starts(p, th, k, w, f, e, guess, library, m, h1, ridge, starts, max_iter
             if states[onward] == FIT_ITERATIONS:
                 states[onward] = FIT_GAVE_UP
             best = np.argmin(values)
-        if starts == 1 or (states[best] != FIT_GAVE_UP and values[best] < _POOR):
+        if starts == 1 or values[best] < 1e-24 or (states[best] != FIT_GAVE_UP and values[best] < _POOR):
             break
         begin, end = starts, MAX_STARTS  # for curves that no start came near, or from which none converged
     for which in range(MAX_STARTS):
