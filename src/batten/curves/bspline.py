@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.interpolate import BSpline, make_interp_spline
 
 from batten.curves.arc_length import ArcLength
 from batten.curves.base import check_order
@@ -14,6 +14,9 @@ from batten.curves.bezier import CubicBezier
 from batten.curves.similarity import Similarity
 from batten.errors import InvalidInputError
 from batten.typing import ArrayLike, FloatArray
+
+if TYPE_CHECKING:
+    from scipy.interpolate import BSpline
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +47,6 @@ class BSplineCurve:
     knots: FloatArray
     control_points: FloatArray
     degree: int = 3
-    _spline: BSpline = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         knots = np.array(self.knots, dtype=np.float64)
@@ -76,7 +78,6 @@ class BSplineCurve:
         object.__setattr__(self, "knots", knots)
         object.__setattr__(self, "control_points", points)
         object.__setattr__(self, "degree", int(p))
-        object.__setattr__(self, "_spline", BSpline(knots, points, int(p)))
 
     @classmethod
     def interpolate(cls, points: ArrayLike, parameters: ArrayLike | None = None) -> BSplineCurve:
@@ -104,9 +105,17 @@ class BSplineCurve:
                 f"parameters must ascend strictly, one for each of the {len(data)} points; got "
                 f"{u.tolist() if parameters is not None else 'chord lengths of neighbouring points that coincide'}"
             )
+        from scipy.interpolate import make_interp_spline  # takes a while to load
+
         degree = min(3, len(data) - 1)
         spline = make_interp_spline((u - u[0]) / (u[-1] - u[0]), data, k=degree)
         return cls(spline.t, spline.c, degree)
+
+    @cached_property
+    def _spline(self) -> BSpline:
+        from scipy.interpolate import BSpline
+
+        return BSpline(self.knots, self.control_points, self.degree)
 
     @property
     def domain(self) -> tuple[float, float]:

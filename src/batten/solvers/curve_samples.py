@@ -9,7 +9,6 @@ import numpy as np
 
 from batten.curves.base import Curve
 from batten.errors import InvalidInputError
-from batten.solvers.smoothing_spline import smoothing_spline
 from batten.typing import ArrayLike, FloatArray
 
 
@@ -145,6 +144,8 @@ def from_points(points: ArrayLike, *, nodes: int = 96, smoothing: float | None =
     Raises:
         InvalidInputError: too few points, not finite, or neighbours that coincide.
     """
+    from batten.solvers.smoothing_spline import smoothing_spline  # scipy's splines take a while to load
+
     data = np.asarray(points, dtype=np.float64)
     if data.ndim != 2 or data.shape[1] != 2 or len(data) < 5 or not np.isfinite(data).all():
         raise InvalidInputError(f"measured points need shape (m, 2), m ≥ 5, all finite; got shape {data.shape}")

@@ -6,8 +6,9 @@ in every array of this module, so that each step of the recursion is one long ve
 
 from __future__ import annotations
 
+from math import comb, factorial
+
 import numpy as np
-from scipy.interpolate import BSpline, make_interp_spline
 
 from batten.errors import InvalidInputError
 from batten.typing import ArrayLike, FloatArray, IntArray
@@ -148,6 +149,30 @@ def powers(t: FloatArray, degree: int, order: int) -> FloatArray:
     return rows
 
 
+def bezier_rows(borders: FloatArray, degree: int, pieces: int) -> FloatArray:
+    """From polynomials about the middles of spans to Bézier control points of equal pieces of each span.
+
+    Parameters:
+        borders: of S spans, shape (S + 1,), as `span_polynomials` returns it.
+        degree: 1 or more.
+        pieces: of each span, 1 or more.
+
+    Returns:
+        Shape (S, pieces · (degree + 1), degree + 1): matrices that take coefficients of powers to control points.
+
+    Example:
+        >>> bezier_rows(np.array([0.0, 2.0]), 1, 2).tolist()  # of a + b (t − 1): where t = 0, 1 and 1, 2
+        [[[1.0, -1.0], [1.0, 0.0], [1.0, 0.0], [1.0, 1.0]]]
+    """
+    width = np.diff(borders)
+    starts = width[:, None] * (np.arange(pieces) / pieces - 0.5)
+    orders = range(degree + 1)
+    derivatives = powers(starts.ravel(), degree, degree).reshape(len(width), pieces, degree + 1, degree + 1)
+    taylor = derivatives * ((width[:, None] / pieces) ** orders / [factorial(i) for i in orders])[:, None, :, None]
+    bernstein = np.array([[comb(j, i) / comb(degree, i) for i in orders] for j in orders])
+    return (bernstein @ taylor).reshape(len(width), -1, degree + 1)
+
+
 def greville(knots: FloatArray, degree: int) -> FloatArray:
     """The Greville abscissae: means of `degree` successive knots, one for each coefficient."""
     return np.lib.stride_tricks.sliding_window_view(knots[1:-1], degree).mean(axis=-1)
@@ -176,6 +201,8 @@ def rewrite(
         >>> rewrite(line, 1, np.array([0.0, 2.0]), parabola, 2).round(12).tolist()
         [0.0, 1.0, 2.0]
     """
+    from scipy.interpolate import BSpline, make_interp_spline  # takes a while to load
+
     if new_degree == degree and np.array_equal(knots, new_knots):
         return coefficients.copy()
     sites = np.clip(greville(new_knots, new_degree), new_knots[new_degree], new_knots[-new_degree - 1])

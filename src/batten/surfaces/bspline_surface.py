@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-from scipy.interpolate import BSpline
 from scipy.spatial import cKDTree
 
 from batten.errors import InvalidInputError
-from batten.surfaces.bspline_basis import check_knots, powers, rewrite, span_polynomials
+from batten.surfaces.bspline_basis import bezier_rows, check_knots, powers, span_polynomials
 from batten.typing import ArrayLike, FloatArray, IntArray
+
+if TYPE_CHECKING:
+    from scipy.interpolate import BSpline
 
 _CHUNK = 2048  # points evaluated at a time, so that their patches stay in the cache
 _TREES = 8  # search trees kept with a surface, at most
@@ -189,6 +191,8 @@ class BSplineSurface:
         Raises:
             InvalidInputError: a parameter outside the domain; a rational surface (use `point`).
         """
+        from scipy.interpolate import BSpline  # takes a while to load
+
         low, high = self.domain[1 if direction == "u" else 0]
         if self.is_rational or not low <= at <= high:
             raise InvalidInputError(
@@ -222,15 +226,19 @@ class BSplineSurface:
     def bounding_box(self) -> tuple[FloatArray, FloatArray]:
         """Least and greatest x, y, z of a box that holds the surface, shapes (3,).
 
-        The hull of the control points after every span was cut into sixteen, so it is at most about 1 % of the distance
-        between surface and control points too large, and never too small.
+        The hull of the Bézier control points after every span was cut into sixteen, fewer only where there are very many
+        spans: at most about 1 % of the distance between surface and control points too large, and never too small.
         """
-        fine_u, fine_v = _refined(self.knots_u, self.degree_u), _refined(self.knots_v, self.degree_v)
-        points = rewrite(self.knots_u, self.degree_u, self._homogeneous, fine_u, self.degree_u)
-        points = rewrite(self.knots_v, self.degree_v, np.moveaxis(points, 1, 0), fine_v, self.degree_v)
+        borders_u, borders_v, patches = self._patches
+        u, v = (
+            bezier_rows(borders, degree, int(np.clip(256 // len(borders), 1, 16)))
+            for borders, degree in ((borders_u, self.degree_u), (borders_v, self.degree_v))
+        )
+        patches = patches.reshape(len(u), len(v), *patches.shape[1:])
+        points = np.einsum("tbl,stald->stabd", v, np.einsum("sak,stkld->stald", u, patches))
         if self.is_rational:
             points = points[..., :3] / points[..., 3:]
-        points = points[..., :3].reshape(-1, 3)
+        points = points.reshape(-1, 3)
         return points.min(axis=0), points.max(axis=0)
 
     @cached_property
@@ -329,16 +337,6 @@ def _grid(knots: FloatArray) -> FloatArray:
     per_span = int(np.clip(400 // spans, 2, max(8, -(-32 // spans))))
     steps = np.arange(per_span) / per_span
     return np.append((knots[:-1, None] + steps * np.diff(knots)[:, None]).ravel(), knots[-1])
-
-
-def _refined(knots: FloatArray, degree: int) -> FloatArray:
-    """Clamped knots over the same domain with every span cut into sixteen, or fewer where there are very many."""
-    inner = knots[degree : len(knots) - degree]
-    pieces = int(np.clip(256 // len(inner), 1, 16))
-    gaps = np.diff(inner)
-    new = (inner[:-1, None] + np.arange(1, pieces) / pieces * gaps[:, None])[gaps > 0.0].ravel()
-    middle = np.sort(np.concatenate([inner[(inner > inner[0]) & (inner < inner[-1])], new]))
-    return np.concatenate([np.full(degree + 1, inner[0]), middle, np.full(degree + 1, inner[-1])])
 
 
 def _in_span(borders: FloatArray, t: FloatArray) -> tuple[IntArray, FloatArray]:

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
-from scipy.interpolate import make_interp_spline
 
 from batten.curves.bspline import BSplineCurve
 from batten.errors import InvalidInputError
@@ -46,6 +45,8 @@ def loft(
         >>> (loft([line, arch], [0.0, 10.0]).point(1 / 3, [0.0, 5.0, 10.0]).round(12) + 0.0).tolist()
         [[1.0, 0.0, 0.0], [1.0, 5.0, 1.0], [1.0, 10.0, 2.0]]
     """
+    from scipy.interpolate import make_interp_spline  # takes a while to load
+
     across = np.asarray(positions, dtype=np.float64)
     if len(curves) < 2 or across.shape != (len(curves),):
         raise InvalidInputError(

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from batten.curves.elastica import points_batch, states_at
 from batten.errors import InvalidInputError
@@ -252,10 +251,25 @@ def _along(points: FloatArray, index: FloatArray) -> FloatArray:
     t = index - cell
     if k < 4:
         return np.asarray(points[rows, cell] + t[..., None] * (points[rows, cell + 1] - points[rows, cell]))
-    c = CubicSpline(np.arange(float(k)), points, axis=1).c  # (4, k − 1, n, 2)
-    a, b, d, e = (c[i, cell, rows] for i in range(4))
     t = t[..., None]
-    return np.asarray(((a * t + b) * t + d) * t + e)
+    slopes = _spline_slopes(points)
+    step, low, high = points[rows, cell + 1] - points[rows, cell], slopes[rows, cell], slopes[rows, cell + 1]
+    return np.asarray(
+        points[rows, cell] + t * (low + t * (3.0 * step - 2.0 * low - high + t * (low + high - 2.0 * step)))
+    )
+
+
+def _spline_slopes(points: FloatArray) -> FloatArray:
+    """Slopes of the cubic splines through rows of k ≥ 4 points (n, k, 2), a unit apart, with not-a-knot ends."""
+    k = points.shape[1]
+    system = 4.0 * np.eye(k) + np.eye(k, k=1) + np.eye(k, k=-1)
+    system[0, :3] = system[-1, -3:] = 1.0, 0.0, -1.0  # the third derivative is the same on both sides of the next knot
+    right = np.empty_like(points)
+    right[:, 1:-1] = 3.0 * (points[:, 2:] - points[:, :-2])
+    for end, inner in ((0, slice(0, 3)), (-1, slice(-3, None))):
+        first, middle, last = np.moveaxis(points[:, inner], 1, 0)
+        right[:, end] = 4.0 * middle - 2.0 * (first + last)
+    return np.asarray(np.linalg.inv(system) @ right)
 
 
 def _successive(block: IntArray, leaf: IntArray) -> IntArray:
