@@ -25,6 +25,7 @@ from batten.typing import ArrayLike, BoolArray, FloatArray, IntArray
 
 _STATIONS = 33  # where the distance of a piece from its leaf is measured
 _LAWSON = 24
+_FAR = 0.02  # of a piece's length: a fit that is farther away is tried again from other starts
 
 
 @dataclass(frozen=True, eq=False)
@@ -232,15 +233,23 @@ def _fit_pieces(
     known = samples.lengths[np.isfinite(samples.lengths)]
     weight = 4.0 * (tolerance / float(np.median(known)) / 50.0) ** 2 if known.size else 0.0
     if given is None:
-        fits = fit_samples(held, ends="tangents", starts=2, force_weight=weight)
+        fits = fit_samples(held, ends="tangents", starts=1, force_weight=weight)
+        poor = np.flatnonzero(~(fits.distance <= _FAR) | (fits.status != 0))
+        if poor.size:  # the canonical guess led nowhere: other starts
+            more = fit_samples(_pick(held, poor), ends="tangents", starts=4, force_weight=weight)
+            better = ~(more.distance >= fits.distance[poor])
+            fits.parameters[poor[better]], fits.status[poor[better]] = more.parameters[better], more.status[better]
     else:
         fits = fit_samples(held, ends="tangents", starts=1, given=given.reshape(m * c, 7), force_weight=weight)
     return fits.parameters.reshape(m, c, 7), fits.status.reshape(m, c), fits.r1.reshape(m, c)
 
 
+def _pick(samples: CurveSamples, rows: IntArray) -> CurveSamples:
+    return CurveSamples(*(getattr(samples, k)[rows] for k in CurveSamples.__dataclass_fields__))
+
+
 def _rows_of(samples: CurveSamples, chains: IntArray, pieces: int) -> CurveSamples:
-    pick = (chains[:, None] * pieces + np.arange(pieces)).reshape(-1)
-    return CurveSamples(*(getattr(samples, k)[pick] for k in CurveSamples.__dataclass_fields__))
+    return _pick(samples, (chains[:, None] * pieces + np.arange(pieces)).reshape(-1))
 
 
 def _deviation(target: _Target, rows: IntArray, parameters: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
