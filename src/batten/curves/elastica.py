@@ -415,10 +415,11 @@ def states_along(parameters: ArrayLike, s: ArrayLike) -> FloatArray:
     p = _rows(parameters)
     arc = np.asarray(s, dtype=np.float64)
     m = arc.shape[-1]
+    arcs = np.empty((*p.shape[:-1], m))  # a copy: for arrays that cannot be written to, all would be compiled once more
+    arcs[...] = arc
     rows = np.ascontiguousarray(p.reshape(-1, 7))
-    arcs = np.ascontiguousarray(np.broadcast_to(arc, (*p.shape[:-1], m)).reshape(-1, m))
     out = np.empty((len(rows), m, 4))
-    kernel.states_grid(rows, arcs, out)
+    kernel.states_grid(rows, arcs.reshape(-1, m), out)
     return out.reshape(*p.shape[:-1], m, 4)
 
 

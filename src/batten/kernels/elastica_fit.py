@@ -16,7 +16,7 @@ from numba import njit
 
 from batten.kernels.elastica import elastica_constants, evaluate
 from batten.kernels.elastica_jacobian import jacobian
-from batten.kernels.linear import eigen_symmetric, solve_linear
+from batten.kernels.linear import copy, eigen_symmetric, solve_linear
 
 # Status of a fit.
 FIT_CONVERGED, FIT_ITERATIONS, FIT_INFEASIBLE, FIT_BAD = 0, 1, 2, 3
@@ -164,40 +164,45 @@ def restore(out, tips, ends, m, s, values, jac, c, a):
 
 
 @njit(cache=True, no_cfunc_wrapper=True)
-def _reduce(model, grad, gauss, a, m, only_multipliers, nu, scale, basis, eigen, slope):
-    """Scaled model in the null space of the constraints: eigenvectors, |eigenvalues|, and gradient along them.
+def _null_space(grad, gauss, a, m, nu, scale, project):
+    """Scales of the unknowns, the projector (7, 7) onto the constraints' null space in scaled unknowns, and multipliers ν.
 
-    Also the least-squares multipliers ν. False if the constraints are dependent.
+    ν are the least-squares multipliers. False if the constraints are dependent.
     """
-    project = np.zeros((7, 7))
     for k in range(7):
         scale[k] = 1.0 / math.sqrt(gauss[k, k] + 1e-10)
-        project[k, k] = 1.0
-    if m > 0:
-        system, rhs = np.empty((6, 6)), np.empty(6)
-        for col in range(8):  # columns of the projector, then the multipliers
-            for i in range(m):
-                if col < 7:
-                    rhs[i] = a[i, col] * scale[col]
-                else:
-                    rhs[i] = 0.0
-                    for k in range(7):
-                        rhs[i] -= a[i, k] * scale[k] * scale[k] * grad[k]
-                for j in range(m):
-                    total = 0.0
-                    for k in range(7):
-                        total += a[i, k] * a[j, k] * scale[k] * scale[k]
-                    system[i, j] = total
-            if not solve_linear(system, rhs, m):
-                return False
+        for j in range(7):
+            project[k, j] = 1.0 if j == k else 0.0
+    normal, system, rhs = np.empty((6, 6)), np.empty((6, 6)), np.empty(6)
+    for i in range(m):
+        for j in range(m):
+            normal[i, j] = 0.0
+            for k in range(7):
+                normal[i, j] += a[i, k] * a[j, k] * scale[k] * scale[k]
+    for col in range(8 if m > 0 else 0):  # columns of the projector, then the multipliers
+        for i in range(m):
+            rhs[i] = 0.0
+            if col < 7:
+                rhs[i] = a[i, col] * scale[col]
+            else:
+                for k in range(7):
+                    rhs[i] -= a[i, k] * scale[k] * scale[k] * grad[k]
             for j in range(m):
-                if col == 7:
-                    nu[j] = rhs[j]
-                else:
-                    for k in range(7):
-                        project[k, col] -= a[j, k] * scale[k] * rhs[j]
-    if only_multipliers:
-        return True
+                system[i, j] = normal[i, j]
+        if not solve_linear(system, rhs, m):
+            return False
+        for j in range(m):
+            if col == 7:
+                nu[j] = rhs[j]
+            else:
+                for k in range(7):
+                    project[k, col] -= a[j, k] * scale[k] * rhs[j]
+    return True
+
+
+@njit(cache=True, no_cfunc_wrapper=True)
+def _reduce(model, grad, scale, project, basis, eigen, slope):
+    """Scaled model in the null space of the constraints: eigenvectors, eigenvalues, and gradient along them."""
     scaled, half = np.empty((7, 7)), np.empty((7, 7))
     for i in range(7):
         for j in range(7):
@@ -217,7 +222,6 @@ def _reduce(model, grad, gauss, a, m, only_multipliers, nu, scale, basis, eigen,
         for i in range(7):
             for k in range(7):
                 slope[j] += basis[i, j] * project[i, k] * scale[k] * grad[k]
-    return True
 
 
 @njit(cache=True, no_cfunc_wrapper=True)
@@ -238,9 +242,9 @@ def fit_from(mid, points, theta, weights, fractions, ends, m, h1, ridge, max_ite
     )
     c, a, a_other, nu, zero = np.zeros(6), np.zeros((6, 7)), np.zeros((6, 7)), np.zeros(6), np.zeros(6)
     grad_nu = np.empty(7)
-    basis, eigen, slope, scale = np.empty((7, 7)), np.empty(7), np.empty(7), np.empty(7)
+    project, basis, eigen, slope, scale = np.empty((7, 7)), np.empty((7, 7)), np.empty(7), np.empty(7), np.empty(7)
     trial = np.empty(7)
-    out[:] = mid
+    copy(mid, out)
     if not restore(out, tips, ends, m, s, values, jac, c, a):
         return FIT_INFEASIBLE, math.inf, 0, math.inf
     mu, newton, slow, optimality = 1e-3, False, 0, math.inf
@@ -250,43 +254,30 @@ def fit_from(mid, points, theta, weights, fractions, ends, m, h1, ridge, max_ite
         )
         if not math.isfinite(value):
             return FIT_BAD, math.inf, iteration, math.inf
-        if not _reduce(gauss, grad, gauss, a, m, newton, nu, scale, basis, eigen, slope):
+        if not _null_space(grad, gauss, a, m, nu, scale, project):
             return FIT_ITERATIONS, value, iteration, optimality
         if newton:
-            grad_nu[:] = grad
+            copy(grad, grad_nu)
             for j in range(m):
                 for k in range(7):
                     grad_nu[k] += nu[j] * a[j, k]
             for k in range(7):  # Hessian of the Lagrangian, column by column
                 h = 1e-6 * max(1.0, abs(out[k])) if k < 6 else 1e-6 * out[6]
-                trial[:] = out
+                copy(out, trial)
                 trial[k] += h
                 lagrangian(
-                    trial,
-                    points,
-                    theta,
-                    weights,
-                    fractions,
-                    h1,
-                    ridge,
-                    ends,
-                    m,
-                    nu,
-                    s,
-                    values,
-                    jac,
-                    other,
-                    gauss_other,
-                    c,
-                    a_other,
-                )
+                    trial, points, theta, weights, fractions, h1, ridge, ends, m, nu, s, values, jac, other, gauss_other,
+                    c, a_other,
+                )  # fmt: skip
                 for i in range(7):
                     model[i, k] = (other[i] - grad_nu[i]) / h
             for i in range(7):
                 for j in range(i):
                     model[i, j] = 0.5 * (model[i, j] + model[j, i])
                     model[j, i] = model[i, j]
-            _reduce(model, grad, gauss, a, m, False, nu, scale, basis, eigen, slope)
+            _reduce(model, grad, scale, project, basis, eigen, slope)
+        else:
+            _reduce(gauss, grad, scale, project, basis, eigen, slope)
         accepted, finished = False, False
         new = math.inf
         for _ in range(25):
@@ -325,7 +316,7 @@ def fit_from(mid, points, theta, weights, fractions, ends, m, h1, ridge, max_ite
         if finished or not accepted:
             newton, mu = True, 1e-6
             continue
-        out[:] = trial
+        copy(trial, out)
         slow = slow + 1 if value - new < 0.3 * value else 0
         if not newton and slow >= 2:
             newton, mu = True, min(mu, 1e-2)

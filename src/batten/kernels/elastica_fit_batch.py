@@ -8,6 +8,7 @@ from numba import njit
 from batten.kernels.elastica import elastica_constants, evaluate
 from batten.kernels.elastica_fit import FIT_BAD, FIT_ITERATIONS, fit_from, force_form
 from batten.kernels.initial_guess import GUESS_BAD, initial_guess, multipliers
+from batten.kernels.linear import copy
 from batten.kernels.shape_library import best_shapes, place, resample
 
 # How many different starts there are: the canonical guess; the affine curvature of eq. (6) integrated from the middle; the
@@ -102,7 +103,7 @@ def fit_starts(p, th, k, w, f, e, guess, library, m, h1, ridge, starts, max_iter
                     continue
                 angle = 0.5 * (e[0, 2] + e[1, 2]) - library.means[i]
                 place(curve, library.weights, library.shapes[i], library.norms[i], library.centres[i], angle, mid)
-                mid[3:6] = library.unknowns[i]
+                copy(library.unknowns[i], mid[3:6])
             elif not make_start(which, p[inner], th[inner], k[inner], w[inner], f[inner], guess, mid):
                 continue
             # One start runs in H¹ first, then once more in the metric that was asked for.
@@ -111,8 +112,8 @@ def fit_starts(p, th, k, w, f, e, guess, library, m, h1, ridge, starts, max_iter
                     mid, p, th, w, f, e, m, h1 or (which == IN_H1 and stage == 0), ridge, first, trial
                 )
                 total += iterations
-                mid[:] = trial
-            found[which] = trial
+                copy(trial, mid)
+            copy(trial, found[which])
             if values[which] < 1e-24:
                 break
         best = np.argmin(values)
@@ -125,12 +126,12 @@ def fit_starts(p, th, k, w, f, e, guess, library, m, h1, ridge, starts, max_iter
                     onward = which
             if onward < 0 or first == max_iterations:
                 break
-            mid[:] = found[onward]
+            copy(found[onward], mid)
             states[onward], values[onward], iterations, optimalities[onward] = fit_from(
                 mid, p, th, w, f, e, m, h1, ridge, max_iterations - first, trial
             )
             total += iterations
-            found[onward] = trial
+            copy(trial, found[onward])
             if states[onward] == FIT_ITERATIONS:
                 states[onward] = FIT_GAVE_UP
             best = np.argmin(values)
@@ -140,7 +141,7 @@ def fit_starts(p, th, k, w, f, e, guess, library, m, h1, ridge, starts, max_iter
     for which in range(MAX_STARTS):
         if states[which] == FIT_GAVE_UP:
             states[which] = FIT_ITERATIONS
-    result[:] = found[best]
+    copy(found[best], result)
     return states[best], values[best], total, optimalities[best]
 
 

@@ -7,6 +7,7 @@ from numba import njit
 
 from batten.kernels.elastica import elastica_constants, evaluate
 from batten.kernels.elliptic import incomplete_f
+from batten.kernels.linear import copy
 
 # Status of a guess.
 GUESS_OK, GUESS_LINE, GUESS_CIRCLE, GUESS_BAD = 0, 1, 2, 3
@@ -249,7 +250,7 @@ def initial_guess(points, theta, kappa, weights, fractions, length, ends, params
             best = r4
             # Turns are immaterial to the curve; keep the angle next to the given one.
             trial[2] += 2.0 * math.pi * math.floor((ends[0, 2] - trial[2]) / (2.0 * math.pi) + 0.5)
-            params[:] = trial
+            copy(trial, params)
     if r1 < EXACT:
         # An elastica to rounding: angle, curvature and length are its own, where eq. (13) amplifies the modulus' error by
         # the number of periods, without bound as k → 1.
@@ -258,6 +259,6 @@ def initial_guess(points, theta, kappa, weights, fractions, length, ends, params
         r4 = _translate(points, weights, fractions, length, trial)
         if r4 < best:
             best = r4
-            params[:] = trial
+            copy(trial, params)
     info[3] = best
     return GUESS_OK if math.isfinite(best) else GUESS_BAD

@@ -6,6 +6,13 @@ from numba import njit
 
 
 @njit(cache=True, no_cfunc_wrapper=True)
+def copy(source, target):
+    """source[i] into target[i], for shape (n,): as `target[:] = source`, which takes a second and a half to compile."""
+    for i in range(target.shape[0]):
+        target[i] = source[i]
+
+
+@njit(cache=True, no_cfunc_wrapper=True)
 def solve_linear(matrix, rhs, n):
     """Solve the leading n × n system by elimination with partial pivoting; the answer is in rhs. False if singular."""
     for i in range(n):

@@ -66,9 +66,9 @@ def directed_distance(a, b, tolerance, at_least):
             boxes[k, 1], boxes[k, 3] = min(boxes[k, 1], b[i, 1]), max(boxes[k, 3], b[i, 1])
     # The piece looked at runs from p to the top of the stack; below it wait the ends of the pieces after it.
     ends = np.empty((_DEEPEST, 3))
-    near = np.empty(_DEEPEST, dtype=np.int64)
+    near = np.zeros(_DEEPEST, dtype=np.int64)
     px, py = a[0, 0], a[0, 1]
-    dp, g = _nearest(px, py, b, boxes, 0)
+    dp, g = _nearest(px, py, b, boxes, near[0])  # a plain 0 would make numba compile it twice
     found = max(at_least, math.sqrt(dp))
     for i in range(1, a.shape[0]):
         ends[0, 0], ends[0, 1] = a[i, 0], a[i, 1]
