@@ -122,7 +122,14 @@ def fit_elastica_batch(
     nodes: int = 32,
     max_iterations: int = 300,
 ) -> ElasticaFits:
-    """`fit_elastica` for many cubic Béziers, control points (…, 4, 2); a bad row gives status 3, NaN; the rest goes on."""
+    """`fit_elastica` for many cubic Béziers, control points (…, 4, 2); a bad row gives status 3, NaN; the rest goes on.
+
+    Example:
+        >>> arch = np.array([[0.0, 0.0], [0.3, 0.6], [0.7, 0.6], [1.0, 0.0]])
+        >>> fits = fit_elastica_batch([arch, np.full((4, 2), np.nan)])
+        >>> [STATUS[i] for i in fits.status]
+        ['converged', 'bad input']
+    """
     samples, shape = samples_of(control_points, nodes=nodes)
     fits = fit_samples(samples, metric=metric, ends=ends, starts=starts, max_iterations=max_iterations)
     return ElasticaFits(

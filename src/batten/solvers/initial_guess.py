@@ -45,6 +45,15 @@ def initial_elastica(curve: Curve | CurveSamples | ArrayLike, *, nodes: int = 64
 
     Degenerate: a line or a circle gives force = 0 and says so in `status`.
 
+    R₃ counts whole quadrature nodes: it is good to about one over their number.
+
+    Example:
+        >>> from batten.curves.elastica import Elastica
+        >>> arc = Elastica.from_modulus(0.6, 0.4, 2.0)
+        >>> guess = initial_elastica(arc)
+        >>> bool(guess.r1 < 1e-9), bool(abs(guess.elastica.to_modulus().k - 0.6) < 1e-8)
+        (True, True)
+
     Raises:
         InvalidInputError: no length, not finite, or no guess exists (u does not vary).
     """
