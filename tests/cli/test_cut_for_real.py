@@ -249,3 +249,13 @@ def test_a_rod_shorter_than_a_leaf_is_one_line_and_status_2(tmp_path, capsys):
     assert said.out == ""
     assert re.fullmatch(r"batten: .*rod of 700 mm is shorter than a leaf.*\n", said.err)
     assert not (tmp_path / "short").exists()
+
+
+def test_the_reports_head_says_what_the_check_found(real_cut, stored):
+    """Rods that only pass beside their block, so that no corner stays uncut, count for no deviation."""
+    page = (real_cut.out / "report.html").read_text(encoding="utf-8")
+    check = next(c for c in stored.checks if c.name == "deviation")
+    assert np.isnan(check.values).any(), "the example has such rods"
+    shown = re.search(r"greatest deviation</\w+>\s*<\w+[^>]*>\s*([\d.]+)", page)
+    assert shown is not None
+    assert float(shown[1]) == pytest.approx(np.nanmax(check.values), abs=0.006)

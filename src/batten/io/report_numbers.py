@@ -83,7 +83,9 @@ def _deviations(plan: CutPlan, pieces: FloatArray) -> tuple[FloatArray, ...]:
     check = next((c for c in plan.checks if c.name == "deviation"), None)
     if check is not None:
         for distance, greatest in zip(distances, check.values):
-            if math.isfinite(greatest) and distance.max() > 0.0:
+            if math.isnan(greatest):  # the rod passes beside its block
+                distance *= 0.0
+            elif math.isfinite(greatest) and distance.max() > 0.0:
                 distance *= greatest / distance.max()
     return tuple(distances)
 

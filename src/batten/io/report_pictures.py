@@ -116,6 +116,9 @@ def draw_wall(plan: CutPlan, job: CutJob, numbers: RodNumbers) -> str:
     ax.set_xlim(low[0] - margin, high[0] + margin)
     ax.set_ylim(low[1] - margin, high[1] + margin)
     nearest_last = np.argsort([-float(c.mean(axis=0)[:2] @ away) for c in curves], kind="stable")
+    check = next((c for c in plan.checks if c.name == "deviation"), None)
+    if check is not None and not np.isnan(check.values).all():  # rods that pass beside their block cut nothing there
+        nearest_last = nearest_last[~np.isnan(check.values[nearest_last])]
     ax.add_collection(_leaves(plan, job, numbers, curves, axes3, nearest_last))
     _block_numbers(ax, plan, curves, axes3, nearest_last)
     _axes_cross(ax, axes3, size)
