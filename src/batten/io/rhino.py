@@ -267,7 +267,8 @@ def _space_curve(path: Path, name: str, geometry: Any) -> tuple[int, FloatArray,
     return curve.Degree, np.array(curve.Knots.ToList(), dtype=np.float64), net[:, :3] / net[:, 3:]
 
 
-_CURVE_TOLERANCE_MM = 0.01
+_STRAY_MM = 0.009  # of a curve from its elastica, measured in the middle of each cubic; 0.01 is promised
+_MOST_PIECES = 4096
 _AXES_MM = (60.0, 40.0, 20.0)  # along the tangent, across the rod in its plane, along the plane's normal
 _COLOURS = {
     "surface": (190, 190, 190),
@@ -397,38 +398,44 @@ def _rhino_curves(rods: Sequence[Elastica], planes: Sequence[Plane]) -> list[Any
     """Elastica as C¹ cubic NURBS in space whose parameter is the arc length, up to the tolerance.
 
     The cubic on a piece of length h keeps both end points and unit tangents; it strays by h⁴/384 · |γ⁗| at most, and
-    most in its middle, where that is measured. Pieces are halved until it is small enough.
+    most in its middle, where that is measured. As many pieces are taken as this needs.
     """
     parameters = np.array([rod.parameters for rod in rods]).reshape(-1, 7)
-    lengths = np.array([rod.length for rod in rods])
     result: list[Any] = [None] * len(rods)
-    pending, pieces = np.arange(len(rods)), 4
-    while len(pending) and pieces <= 4096:
-        s = lengths[pending, None] * np.linspace(0.0, 1.0, 2 * pieces + 1)
-        states = states_along(parameters[pending], s)
-        points, ends = states[:, 1::2, :2], states[:, ::2, :2]
-        arms = (
-            np.stack([np.cos(states[:, ::2, 2]), np.sin(states[:, ::2, 2])], axis=-1) * (s[:, 2] / 3.0)[:, None, None]
-        )
-        first, second = ends[:, :-1] + arms[:, :-1], ends[:, 1:] - arms[:, 1:]
-        middle = (ends[:, :-1] + 3.0 * first + 3.0 * second + ends[:, 1:]) / 8.0
-        error = np.linalg.norm(middle - points, axis=-1).max(axis=1)
-        done = ~(error > 0.9 * _CURVE_TOLERANCE_MM)  # what is not finite is found by Rhino's own check
-        inner = np.stack([first, second], axis=2).reshape(len(pending), -1, 2)
-        controls = np.concatenate([ends[:, :1], inner, ends[:, -1:]], axis=1)
-        for k in np.flatnonzero(done):
-            i = int(pending[k])
-            result[i] = _nurbs_curve(np.repeat(s[k, ::2], 2), planes[i].to_world(controls[k]))
-        pending, pieces = pending[~done], 2 * pieces
+    pieces, pending = np.full(len(rods), 4), np.arange(len(rods))
+    while len(pending):
+        count = int(pieces[pending].min())
+        some = pending[pieces[pending] == count]
+        s = parameters[some, 6:] * np.linspace(0.0, 1.0, 2 * count + 1)
+        controls, error = _cubics(states_along(parameters[some], s), s[:, 2])
+        done = ~(error > _STRAY_MM)  # what is not finite is found by Rhino's own check
+        for i, knots, control in zip(some[done].tolist(), s[done, ::2], controls[done]):
+            result[i] = _nurbs_curve(np.repeat(knots, 2), planes[i].to_world(control))
+        more = np.ceil(count * (error[~done] / _STRAY_MM) ** 0.25)
+        pieces[some[~done]] = np.maximum(more, count + 1).astype(np.int64)
+        pending = np.flatnonzero([curve is None for curve in result])
+        pending = pending[pieces[pending] <= _MOST_PIECES]
     return result
+
+
+def _cubics(states: FloatArray, step: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Control points (n, 2 c + 2, 2) of c cubics each, and how far they stray (n,), from states at 2 c + 1 even stations.
+
+    `step`, (n,), is the length of a cubic.
+    """
+    points, ends = states[:, 1::2, :2], states[:, ::2, :2]
+    arms = np.stack([np.cos(states[:, ::2, 2]), np.sin(states[:, ::2, 2])], axis=-1) * (step / 3.0)[:, None, None]
+    first, second = ends[:, :-1] + arms[:, :-1], ends[:, 1:] - arms[:, 1:]
+    middle = (ends[:, :-1] + 3.0 * first + 3.0 * second + ends[:, 1:]) / 8.0
+    inner = np.stack([first, second], axis=2).reshape(len(states), -1, 2)
+    stray = np.linalg.norm(middle - points, axis=-1).max(axis=1)
+    return np.concatenate([ends[:, :1], inner, ends[:, -1:]], axis=1), stray
 
 
 def _nurbs_curve(double_knots: FloatArray, points: FloatArray) -> Any:
     """A cubic NurbsCurve over knots that come twice each, at the ends once more."""
-    curve = rhino3dm.NurbsCurve(3, False, 4, len(points))
-    net, knots = curve.Points, curve.Knots
-    for i, (x, y, z) in enumerate(points.tolist()):
-        net[i] = rhino3dm.Point4d(x, y, z, 1.0)
+    curve = rhino3dm.NurbsCurve.CreateControlPointCurve([rhino3dm.Point3d(*point) for point in points.tolist()], 3)
+    knots = curve.Knots
     for i, knot in enumerate([*double_knots[:1].tolist(), *double_knots.tolist(), *double_knots[-1:].tolist()]):
         knots[i] = knot
     return curve
