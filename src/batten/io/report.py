@@ -97,14 +97,15 @@ def _header(plan: CutPlan, job: CutJob) -> str:
 
 def verdict(plan: CutPlan) -> tuple[bool, str, str]:
     """Whether the plan is whole, its headline, and one sentence more."""
+    if not plan.rods:
+        return False, "There is nothing to cut", "The plan holds no rod."
     leaves = len({r.leaf for r in plan.rods})
     refused = plan.refused_leaves
-    beyond = [(check, _cut_beyond(plan, check)) for check in plan.checks]
+    is_cut = np.array([r.status == "ok" for r in plan.rods], dtype=np.bool_)
+    beyond = [(check, int((is_cut & ~check.passed).sum())) for check in plan.checks]
     hard = [(check, count) for check, count in beyond if count and check.hard]
     remarks = [(check, count) for check, count in beyond if count and not check.hard]
     soft = f" Worth a look: {_titles(remarks)}." if remarks else ""
-    if not plan.rods:
-        return False, "There is nothing to cut", "The plan holds no rod."
     if hard:
         return False, "A limit is broken", f"Cut beyond their limit: {_titles(hard)}." + soft
     if refused:
@@ -112,11 +113,6 @@ def verdict(plan: CutPlan) -> tuple[bool, str, str]:
         more = f"Not cut: {which}. The robot program leaves them out."
         return False, f"{len(refused)} of {leaves} leaves refused", more + soft
     return True, "Can be cut", f"All {leaves} leaves ({len(plan.rods)} rods) keep every hard limit.{soft}"
-
-
-def _cut_beyond(plan: CutPlan, check: CheckResult) -> int:
-    """How many of the rods that are cut are beyond the limit."""
-    return sum(rod.status == "ok" and not passed for rod, passed in zip(plan.rods, check.passed))
 
 
 def _titles(checks: Iterable[tuple[CheckResult, int]]) -> str:
@@ -137,7 +133,7 @@ def _figures(plan: CutPlan, job: CutJob, numbers: RodNumbers) -> str:
     cut = np.flatnonzero(~numbers.refused)
     of = " of what is cut" if 0 < len(cut) < len(plan.rods) else ""
     cut = cut if len(cut) else np.arange(len(plan.rods))
-    deviation = max(float(numbers.deviation_mm[i].max()) for i in cut)
+    deviation = float(numbers.greatest_deviation_mm[cut].max())
     strain = 100.0 * float(np.abs(numbers.strain[cut]).max())
     moment = 1e-3 * max(float(np.abs(m[cut]).max()) for m in (numbers.moment_left_nmm, numbers.moment_right_nmm))
     entries = [

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -22,6 +23,7 @@ class RodNumbers:
     """One row a rod, in the plan's order; n rods, m = SAMPLES points along each.
 
     Attributes:
+        plan: whose rods they are.
         points: (n, m, 2), the whole rod in the coordinates of its plane, mm.
         pieces: (n, m, 2), the part within the block, mm.
         arc_mm: (n, m), arc length along the rod, counted from where it enters the block.
@@ -29,12 +31,10 @@ class RodNumbers:
         strain: (n, m), κ·d/2, signed.
         force_n: (n,), the force that either gripper holds, EI·‖force‖, N.
         moment_left_nmm, moment_right_nmm: (n,), bending moments EI·κ at the rod's ends, N·mm, signed.
-        deviation_mm: one array a rod, distance of each design point from the piece in the leaf's plane, mm; where the
-            plan holds the check "deviation", which measures at right angles to the surface, in proportion so that the
-            greatest is that check's value.
         refused: (n,), whether the rod is left out.
     """
 
+    plan: CutPlan
     points: FloatArray
     pieces: FloatArray
     arc_mm: FloatArray
@@ -43,8 +43,32 @@ class RodNumbers:
     force_n: FloatArray
     moment_left_nmm: FloatArray
     moment_right_nmm: FloatArray
-    deviation_mm: tuple[FloatArray, ...]
     refused: BoolArray
+
+    @property
+    def greatest_deviation_mm(self) -> FloatArray:
+        """(n,), the greatest of `deviation_mm`; 0 for a rod that passes beside its block."""
+        check = _deviation_check(self.plan)
+        if check is not None:
+            return np.where(np.isnan(check.values), 0.0, check.values)
+        return np.array([distance.max() for distance in self.deviation_mm])
+
+    @cached_property
+    def deviation_mm(self) -> tuple[FloatArray, ...]:
+        """One array a rod, distance of each design point from the piece in the leaf's plane, mm.
+
+        Where the plan holds the check "deviation", which measures at right angles to the surface, in proportion, so that the
+        greatest is that check's value.
+        """
+        distances = [distance_to_polyline(r.design, piece) for r, piece in zip(self.plan.rods, self.pieces)]
+        check = _deviation_check(self.plan)
+        if check is not None:
+            for distance, greatest in zip(distances, check.values):
+                if math.isnan(greatest):  # the rod passes beside its block
+                    distance *= 0.0
+                elif math.isfinite(greatest) and distance.max() > 0.0:
+                    distance *= greatest / distance.max()
+        return tuple(distances)
 
 
 def rod_numbers(plan: CutPlan, job: CutJob) -> RodNumbers:
@@ -65,6 +89,7 @@ def rod_numbers(plan: CutPlan, job: CutJob) -> RodNumbers:
     stiffness = job.rod.youngs_modulus_mpa * math.pi * radius**4 / 4.0
     before = np.array([r.before_mm for r in plan.rods])
     return RodNumbers(
+        plan=plan,
         points=points,
         pieces=pieces,
         arc_mm=t * parameters[:, None, 6] - before[:, None],
@@ -73,21 +98,12 @@ def rod_numbers(plan: CutPlan, job: CutJob) -> RodNumbers:
         force_n=stiffness * np.hypot(parameters[:, 4], parameters[:, 5]),
         moment_left_nmm=stiffness * curvature[:, 0],
         moment_right_nmm=stiffness * curvature[:, -1],
-        deviation_mm=_deviations(plan, pieces),
         refused=np.array([r.status == "refused" for r in plan.rods], dtype=np.bool_),
     )
 
 
-def _deviations(plan: CutPlan, pieces: FloatArray) -> tuple[FloatArray, ...]:
-    distances = [distance_to_polyline(r.design, piece) for r, piece in zip(plan.rods, pieces)]
-    check = next((c for c in plan.checks if c.name == "deviation"), None)
-    if check is not None:
-        for distance, greatest in zip(distances, check.values):
-            if math.isnan(greatest):  # the rod passes beside its block
-                distance *= 0.0
-            elif math.isfinite(greatest) and distance.max() > 0.0:
-                distance *= greatest / distance.max()
-    return tuple(distances)
+def _deviation_check(plan: CutPlan) -> CheckResult | None:
+    return next((c for c in plan.checks if c.name == "deviation"), None)
 
 
 def distance_to_polyline(points: FloatArray, polyline: FloatArray) -> FloatArray:

@@ -122,7 +122,7 @@ def draw_wall(plan: CutPlan, job: CutJob, numbers: RodNumbers) -> str:
     ax.add_collection(_leaves(plan, job, numbers, curves, axes3, nearest_last))
     _block_numbers(ax, plan, curves, axes3, nearest_last)
     _axes_cross(ax, axes3, size)
-    beyond = any(float(d.max()) > job.leaves.tolerance_mm for d in numbers.deviation_mm)
+    beyond = bool((numbers.greatest_deviation_mm > job.leaves.tolerance_mm).any())
     _wall_legend(figure, job.leaves.tolerance_mm, bool(numbers.refused.any()), beyond)
     return _png(figure)
 
