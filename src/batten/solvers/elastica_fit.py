@@ -12,7 +12,7 @@ from batten.curves.elastica import Elastica, states_at
 from batten.errors import ConvergenceError, InvalidInputError
 from batten.kernels import elastica_fit_batch as kernel
 from batten.solvers.curve_samples import CurveSamples, samples_of
-from batten.solvers.shape_library import shape_library
+from batten.solvers.shape_library import no_shapes, shape_library
 from batten.typing import ArrayLike, FloatArray, IntArray
 
 Metric = Literal["L2", "H1"]
@@ -93,9 +93,10 @@ def fit_samples(
     parameters, info, status = np.empty((b, 7)), np.empty((b, 7)), np.empty(b, dtype=np.int64)
     first = np.full((b, 7), np.nan) if given is None else np.ascontiguousarray(given, dtype=np.float64)
     held = _CONDITIONS[ends]
+    library = no_shapes() if starts == 1 else shape_library(held)
     kernel.fit_batch(
         samples.points, samples.angles, samples.curvatures, samples.weights, samples.fractions, samples.lengths,
-        samples.ends, first, shape_library(held), held, metric == "H1", float(force_weight), starts, max_iterations,
+        samples.ends, first, library, held, metric == "H1", float(force_weight), starts, max_iterations,
         parameters, info, status,
     )  # fmt: skip
     # The kernel works about the middle of the segment.
