@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import json
 import os
 import signal
@@ -125,6 +126,7 @@ def main(arguments: list[str] | None = None) -> int:
         The exit status.
     """
     signal.signal(signal.SIGTERM, _terminated)
+    gc.set_threshold(50_000, 20, 20)  # what is imported makes no garbage: looking for it 500 times took 0.2 s of a cut
     try:
         words = sys.argv[1:] if arguments is None else arguments
         status = app(args=words or ["--help"], prog_name="batten", standalone_mode=False)
