@@ -98,6 +98,16 @@ def test_a_whole_cut(relief, plan) -> None:
         )
 
 
+def test_a_flat_strip_is_cut_without_turning_it(relief, plan) -> None:
+    surface, job = relief
+    strip = with_(job, "rod", diameter_mm=None, width_mm=12.0, thickness_mm=1.5)
+    flat = plan_cut(strip, surface)
+    assert [r.rod for r in flat.rods] == [r.rod for r in plan.rods], "the section has no say in the shape"
+    assert check(flat, "strain").values == pytest.approx(0.5 * check(plan, "strain").values, rel=1e-12)
+    assert all((arm.spin_rad == 0.0).all() for motion in flat.motions for arm in (motion.left, motion.right))
+    assert any((arm.spin_rad != 0.0).any() for motion in plan.motions for arm in (motion.left, motion.right))
+
+
 def test_poses_are_the_rods_ends_in_the_work_frame(plan) -> None:
     for motion in plan.motions:
         pose = plan.block(motion.block).work_frame(plan.blade_axis)

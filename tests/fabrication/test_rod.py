@@ -4,13 +4,16 @@ import math
 
 import numpy as np
 import pytest
+from scipy.special import ellipk
 
 from batten.curves.elastica import Elastica
 from batten.errors import InvalidInputError
 from batten.fabrication.job import RodJob
-from batten.fabrication.rod import Rod
+from batten.fabrication.rod import Rod, greatest_curvature
+from batten.fabrication.section import FlatSection, RoundSection, TubeSection
 
-STEEL = Rod(1000.0, 3.0, 200000.0, 0.008)
+ROUND = RoundSection(3.0)
+STEEL = Rod(1000.0, ROUND, 200000.0, 0.008)
 
 
 def test_second_moment_of_a_round_section_by_summing_it_up():
@@ -53,19 +56,72 @@ def test_moments_of_a_bent_rod_balance_its_force():
     assert end - start == pytest.approx(lever[0] * force[1] - lever[1] * force[0], rel=1e-12)
 
 
+@pytest.mark.parametrize("section", [ROUND, TubeSection(8.0, 0.7), FlatSection(20.0, 0.5)])
+def test_what_bending_costs_is_the_work_of_the_moment(section):
+    """Rolled up into a circle by end moments, M = EI·κ grows from 0: the work is ½ M × the angle, here of one full turn."""
+    rod = Rod(1000.0, section, 200000.0, 0.01)
+    curvature = 2.0 * math.pi / 1000.0
+    circle = Elastica((0.0, 0.0), 0.3, curvature, (0.0, 0.0), 1000.0)
+    work_nmm = 0.5 * float(rod.moment_nmm(curvature)) * 2.0 * math.pi
+    assert rod.energy_j(circle) == pytest.approx(1e-3 * work_nmm, rel=1e-12)
+
+
+def test_energy_is_the_work_of_the_force_that_holds_it():
+    """A strut between pinned ends: as it shortens, its force does work, summed up over 200 struts to k = 0.6."""
+
+    def strut(k):
+        quarter = float(ellipk(k * k))
+        return Elastica.from_modulus(k, -quarter, 2.0 * quarter, 1000.0 / (2.0 * quarter))
+
+    moduli = np.sqrt(
+        np.linspace(0.0, 0.36, 201)[1:]
+    )  # k² in even steps, so that the chord shortens in nearly even ones
+    struts = [strut(k) for k in moduli]
+    chords = np.array([1000.0, *(np.linalg.norm(s.point_at(1000.0) - s.start) for s in struts)])
+    buckling = math.pi**2 * STEEL.bending_stiffness_nmm2 / 1000.0**2
+    forces = np.array([buckling, *(STEEL.loads(s).force_n for s in struts)])
+    work_nmm = float(np.trapezoid(forces, -chords))
+    assert STEEL.energy_j(struts[-1]) == pytest.approx(1e-3 * work_nmm, rel=1e-5)
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_the_greatest_curvature_is_that_of_many_samples(seed):
+    rng = np.random.default_rng(seed)
+    force = rng.normal(size=2) * 10.0 ** rng.uniform(-2.0, 2.0)
+    curve = Elastica(rng.normal(size=2), rng.uniform(-9, 9), 3.0 * rng.normal(), force, rng.uniform(0.1, 6.0))
+    found = greatest_curvature(curve)
+    sampled = float(np.abs(curve.curvature_at(np.linspace(0.0, curve.length, 20001))).max())
+    assert sampled <= found * (1.0 + 1e-12)
+    assert found == pytest.approx(sampled, rel=1e-5)
+
+
+def test_the_greatest_curvature_of_a_wave_of_many_crests_and_of_lines_and_circles():
+    wave = Elastica.from_modulus(0.7, -0.1, 40.0)
+    assert greatest_curvature(wave) == pytest.approx(1.4, rel=1e-12)  # 2k, at its crests
+    assert greatest_curvature(wave.reversed()) == pytest.approx(1.4, rel=1e-12)
+    assert greatest_curvature(Elastica((0, 0), 1.0, -0.25, (0, 0), 3.0)) == 0.25
+    assert greatest_curvature(Elastica((0, 0), 0.0, 0.0, (2.0, 0.0), 3.0)) == 0.0
+    assert STEEL.greatest_strain(wave.reversed()) == pytest.approx(1.5 * 1.4)
+
+
 def test_a_job_makes_the_rod_it_describes():
-    assert Rod.of(RodJob(800.0, 4.0, 190000.0, 0.01, 2.0)) == Rod(800.0, 4.0, 190000.0, 0.01)
+    assert Rod.of(RodJob(800.0, 4.0, 190000.0, 0.01, 2.0)) == Rod(800.0, RoundSection(4.0), 190000.0, 0.01)
+    tube = RodJob(800.0, 4.0, 190000.0, 0.01, wall_mm=0.5)
+    assert Rod.of(tube) == Rod(800.0, TubeSection(4.0, 0.5), 190000.0, 0.01)
+    strip = RodJob(800.0, None, 190000.0, 0.01, width_mm=20.0, thickness_mm=0.5)
+    assert Rod.of(strip) == Rod(800.0, FlatSection(20.0, 0.5), 190000.0, 0.01)
+    assert Rod.of(RodJob()).section == RoundSection(3.0)
 
 
 @pytest.mark.parametrize(
     ("values", "name"),
     [
-        ((0.0, 3.0, 2e5, 0.008), "length_mm = 0.0"),
-        ((1e3, -3.0, 2e5, 0.008), "diameter_mm = -3.0"),
-        ((1e3, 3.0, math.nan, 0.008), "youngs_modulus_mpa = nan"),
-        ((1e3, 3.0, 2e5, math.inf), "max_strain = inf"),
-        ((1e3, 3.0, 2e5, "0.8%"), "max_strain = '0.8%'"),
-        ((1e3, 3.0, 2e5, 1.5), "below 1"),
+        ((0.0, ROUND, 2e5, 0.008), "length_mm = 0.0"),
+        ((1e3, 3.0, 2e5, 0.008), "section = 3.0; allowed are RoundSection"),
+        ((1e3, ROUND, math.nan, 0.008), "youngs_modulus_mpa = nan"),
+        ((1e3, ROUND, 2e5, math.inf), "max_strain = inf"),
+        ((1e3, ROUND, 2e5, "0.8%"), "max_strain = '0.8%'"),
+        ((1e3, ROUND, 2e5, 1.5), "below 1"),
     ],
 )
 def test_what_is_no_rod_is_refused_by_name(values, name):

@@ -10,6 +10,7 @@ from pydantic import ConfigDict, TypeAdapter
 
 from batten.errors import BattenError, FormatError, InvalidInputError
 from batten.fabrication import job as plain
+from batten.fabrication.section import FlatSection, RoundSection, TubeSection
 from batten.io import job_fields
 from batten.io.job import load_job
 from batten.io.job_reference import job_reference
@@ -67,6 +68,19 @@ def test_the_documented_job_loads(write):
     )
 
 
+@pytest.mark.parametrize(
+    ("fields", "section"),
+    [
+        ("diameter_mm = 3.0", RoundSection(3.0)),
+        ("diameter_mm = 8\nwall_mm = 0.5", TubeSection(8.0, 0.5)),
+        ("width_mm = 20.0\nthickness_mm = 0.5", FlatSection(20.0, 0.5)),
+    ],
+)
+def test_a_rod_is_round_or_a_tube_or_flat(write, fields, section):
+    job = load_job(write("diameter_mm = 3.0", fields))
+    assert job.rod.section == section
+
+
 def test_own_values_of_an_arm_reach_the_cell(write):
     own = """[cell]
 left.base_mm = [-1800, 0, 0]
@@ -109,6 +123,24 @@ right.joint_min_deg = [-170, -65, -180, -300, -130, -300]
             "",
             FormatError,
             "rod.max_strain is missing; must be a number > 0 and ≤ 0.1; try 0.008",
+        ),
+        (
+            "diameter_mm = 3.0\n",
+            "",
+            InvalidInputError,
+            ":10: rod: a rod's section needs diameter_mm (round), diameter_mm and wall_mm (tube), or width_mm and "
+            "thickness_mm (flat strip); got none of them; try diameter_mm = 3.0",
+        ),
+        ("diameter_mm = 3.0", "wall_mm = 1", InvalidInputError, ":10: rod: a rod's section needs"),
+        ("diameter_mm = 3.0", "diameter_mm = 3.0\nwidth_mm = 20", InvalidInputError, "got diameter_mm and width_mm"),
+        ("diameter_mm = 3.0", "diameter_mm = 3.0\nwall_mm = 1.5", InvalidInputError, "below half the diameter, 1.5"),
+        ("diameter_mm = 3.0", "width_mm = 2\nthickness_mm = 3", InvalidInputError, "allowed is at most the width"),
+        ("diameter_mm = 3.0", "diameter_mm = 0", InvalidInputError, ":12: rod.diameter_mm = 0: must be a number > 0"),
+        (
+            "diameter_mm = 3.0",
+            "width_mm = 2\nthicknes_mm = 3",
+            FormatError,
+            ":13: rod.thicknes_mm: unknown field; did you mean thickness_mm?",
         ),
         ('"freeform-surface.3dm"', '"absent.3dm"', InvalidInputError, "no such file"),
         ('file = "freeform-surface.3dm"', "", InvalidInputError, "exactly one of `file` and `curves`, got neither"),

@@ -53,7 +53,7 @@ def plan_cut(job: CutJob, surface: BSplineSurface, progress: Progress | None = N
     """
     tell = progress or (lambda stage, done, of: None)
     wall, reason = _choose_wall(job, surface)
-    cell = cell_from_job(job.cell)
+    cell = replace(cell_from_job(job.cell), rod_is_round=job.rod.section.is_round)
     blocks = wall.blocks(job.blocks)
     turn_deg = _choose_turn(job, wall) if job.leaves.turn_deg == "auto" else float(job.leaves.turn_deg)
     chains = _fit_leaves(job, wall, wall.planes(job.leaves.spacing_mm, np.radians(turn_deg)), tell)

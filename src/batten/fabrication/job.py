@@ -10,6 +10,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
+from batten.fabrication.section import CrossSection, section_of_sizes
+
 
 @dataclass(frozen=True)
 class SurfaceJob:
@@ -78,21 +80,39 @@ class LeavesJob:
 
 @dataclass(frozen=True)
 class RodJob:
-    """The rod that is bent: a round spring-steel rod, the hot blade itself.
+    """The rod that is bent: a spring-steel rod, round, tube or flat strip; the hot blade itself.
+
+    The section is given by `diameter_mm` (round), `diameter_mm` and `wall_mm` (tube), or `width_mm` and `thickness_mm`
+    (flat strip); with none of the four it is a round rod of 3 mm.
 
     Attributes:
         length_mm: length between the two grippers, mm.
-        diameter_mm: mm.
+        diameter_mm: of a round rod or, outside, of a tube, mm; None for a flat strip.
         youngs_modulus_mpa: MPa = N/mm².
-        max_strain: greatest strain κ·d/2 anywhere on the rod, pure number.
+        max_strain: greatest strain κ·d/2 anywhere on the rod, d its depth in the plane of bending, pure number.
         min_bow_mm: least height of the rod's arc over its chord, mm: a straighter rod may buckle to either side.
+        wall_mm: thickness of a tube's wall, mm; None for other sections.
+        width_mm: of a flat strip, across the plane of bending, mm; None for other sections.
+        thickness_mm: of a flat strip, in the plane of bending, mm; None for other sections.
     """
 
     length_mm: float = 1000.0
-    diameter_mm: float = 3.0
+    diameter_mm: float | None = None
     youngs_modulus_mpa: float = 200000.0
     max_strain: float = 0.008
     min_bow_mm: float = 1.0
+    wall_mm: float | None = None
+    width_mm: float | None = None
+    thickness_mm: float | None = None
+
+    def __post_init__(self) -> None:
+        if all(size is None for size in (self.diameter_mm, self.wall_mm, self.width_mm, self.thickness_mm)):
+            object.__setattr__(self, "diameter_mm", 3.0)
+
+    @property
+    def section(self) -> CrossSection:
+        """The rod's cross section; InvalidInputError if the sizes do not make one."""
+        return section_of_sizes(self.diameter_mm, self.wall_mm, self.width_mm, self.thickness_mm)
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ import re
 import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
@@ -27,6 +27,8 @@ from batten.fabrication.job import (
 )
 from batten.io.job_fields import ArmSection, CellSection, JobFile, SurfaceSection
 
+_Model = TypeVar("_Model", bound=BaseModel)
+
 
 def load_job(path: str | Path) -> CutJob:
     """Read a job file.
@@ -43,21 +45,38 @@ def load_job(path: str | Path) -> CutJob:
         InvalidInputError: a value outside its bounds, values that contradict each other, a file that is not there.
     """
     path = Path(path)
-    text = _read_text(path)
+    text, data = read_toml(path, "a job file", "examples/freeform-wall/wall.toml")
+    job = job_from_model(validated(JobFile, data, path, text), path)
+    _hold_together(job, path, text)
+    return job
+
+
+def read_toml(path: Path, kind: str, example: str) -> tuple[str, dict[str, Any]]:
+    """A TOML file's text and what it says; `kind` ("a job file") and `example` are for the messages.
+
+    Raises:
+        FormatError: no TOML. InvalidInputError: no such file, or one that cannot be read.
+    """
+    text = _read_text(path, kind)
     try:
-        data = tomllib.loads(text)
+        return text, tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise FormatError(
             f"{path}: not a TOML file: {_one_line(str(error))}; write `key = value` lines under [sections], as in "
-            "examples/freeform-wall/wall.toml"
+            f"{example}"
         ) from error
+
+
+def validated(root: type[_Model], data: Mapping[str, Any], path: Path, text: str) -> _Model:
+    """The model of what a TOML file says; errors name the file, the line in its `text`, the field and a way out.
+
+    Raises:
+        FormatError: an unknown or a missing field. InvalidInputError: a value outside its bounds.
+    """
     try:
-        model = JobFile.model_validate(data)
+        return root.model_validate(data)
     except ValidationError as error:
-        raise _explain(error, path, text, data) from error
-    job = job_from_model(model, path)
-    _hold_together(job, path, text)
-    return job
+        raise _explain(error, path, text, data, root) from error
 
 
 def job_from_model(model: JobFile, path: Path) -> CutJob:
@@ -93,17 +112,15 @@ def _arm(section: ArmSection) -> ArmJob:
     return ArmJob(**(dict(section) | {"kinematics": lengths}))
 
 
-def _read_text(path: Path) -> str:
+def _read_text(path: Path, kind: str) -> str:
     try:
         return path.read_text(encoding="utf-8")
     except FileNotFoundError as error:
-        raise InvalidInputError(f"{path}: no such file; give the path of a job file (TOML)") from error
+        raise InvalidInputError(f"{path}: no such file; give the path of {kind} (TOML)") from error
     except UnicodeDecodeError as error:
-        raise FormatError(f"{path}: not a text file in UTF-8; a job file is TOML") from error
+        raise FormatError(f"{path}: not a text file in UTF-8; {kind} is TOML") from error
     except OSError as error:
-        raise InvalidInputError(
-            f"{path}: cannot be read ({error.strerror}); give the path of a job file (TOML)"
-        ) from error
+        raise InvalidInputError(f"{path}: cannot be read ({error.strerror}); give the path of {kind} (TOML)") from error
 
 
 def _hold_together(job: CutJob, path: Path, text: str) -> None:
@@ -128,12 +145,14 @@ def _hold_together(job: CutJob, path: Path, text: str) -> None:
         )
 
 
-def _explain(error: ValidationError, path: Path, text: str, data: Mapping[str, Any]) -> BattenError:
+def _explain(
+    error: ValidationError, path: Path, text: str, data: Mapping[str, Any], root: type[BaseModel]
+) -> BattenError:
     """The first thing wrong, in one line, and how many more there are."""
     found = sorted(error.errors(include_url=False), key=lambda e: e["type"] != "extra_forbidden")  # misspelt: say that
     first = found[0]
-    location, model = _field_path(first["loc"])
-    more = {_field_path(e["loc"])[0] for e in found} - {location}
+    location, model = _field_path(first["loc"], root)
+    more = {_field_path(e["loc"], root)[0] for e in found} - {location}
     rest = f" (and {len(more)} more field{'s' if len(more) > 1 else ''})" if more else ""
     where = _where(path, text, location)
     if first["type"] == "extra_forbidden":
@@ -142,19 +161,19 @@ def _explain(error: ValidationError, path: Path, text: str, data: Mapping[str, A
         hint = f"did you mean {near[0]}?" if near else f"known here: {', '.join(known)}"
         return FormatError(f"{where}: unknown field; {hint}{rest}")
     if _value(data, location) is None:
-        return FormatError(f"{where} is missing; {_allowed(location)}{rest}")
+        return FormatError(f"{where} is missing; {_allowed(location, root)}{rest}")
     if first["type"] == "value_error":
         return InvalidInputError(f"{where}: {_one_line(str(first['ctx']['error']))}{rest}")
-    return InvalidInputError(f"{where} = {_shown(_value(data, location))}: {_allowed(location)}{rest}")
+    return InvalidInputError(f"{where} = {_shown(_value(data, location))}: {_allowed(location, root)}{rest}")
 
 
-def _field_path(loc: Sequence[int | str]) -> tuple[tuple[str, ...], type[BaseModel] | None]:
+def _field_path(loc: Sequence[int | str], root: type[BaseModel]) -> tuple[tuple[str, ...], type[BaseModel] | None]:
     """The part of pydantic's location that names fields (it goes on into list items and union members).
 
     Also the model in which the last name stands, for an unknown one the model it was looked up in.
     """
     names: list[str] = []
-    model: type[BaseModel] = JobFile
+    model = root
     for part in loc:
         names.append(str(part))
         inner = section_of(model, str(part))
@@ -173,9 +192,9 @@ def section_of(model: type[BaseModel], name: str) -> type[BaseModel] | None:
     return next((c for c in candidates if isinstance(c, type) and issubclass(c, BaseModel)), None)
 
 
-def _allowed(location: Sequence[str]) -> str:
+def _allowed(location: Sequence[str], root: type[BaseModel]) -> str:
     """What the field takes and an example: "a number > 0 and ≤ 1000; try 0.5"."""
-    model: type[BaseModel] = JobFile
+    model = root
     for name in location[:-1]:
         inner = section_of(model, name)
         if inner is None:
@@ -226,7 +245,9 @@ def _one_line(text: str) -> str:
 
 
 def _where(path: Path, text: str, location: Sequence[str]) -> str:
-    """`file:line: section.field`, without the line where it cannot be told."""
+    """`file:line: section.field`, without the line where it cannot be told, without the field for the whole file."""
+    if not location:
+        return str(path)
     line = _line_of(text, location)
     return f"{path}:{line}: {'.'.join(location)}" if line else f"{path}: {'.'.join(location)}"
 

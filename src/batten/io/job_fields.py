@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from batten.fabrication import job as plain
+from batten.fabrication.section import section_of_sizes
 
 # TOML knows lists only, so a fixed number of values must be allowed to come as one; the values themselves stay strict.
 Length = Annotated[float, Field(gt=0.0, le=10000.0)]
@@ -124,10 +125,37 @@ class LeavesSection(Section):
 
 
 class RodSection(Section):
-    """The rod that is bent."""
+    """The rod that is bent: round (`diameter_mm`), a tube (with `wall_mm`), or flat (`width_mm` and `thickness_mm`)."""
 
     length_mm: float = Field(gt=0.0, le=20000.0, description="Length between the two grippers.", examples=[1000.0])
-    diameter_mm: float = Field(gt=0.0, le=100.0, description="Diameter of the round rod.", examples=[3.0])
+    diameter_mm: float | None = Field(
+        default=plain.RodJob.diameter_mm,
+        gt=0.0,
+        le=100.0,
+        description="Diameter of a round rod, outer diameter of a tube; not for a flat strip.",
+        examples=[3.0],
+    )
+    wall_mm: float | None = Field(
+        default=plain.RodJob.wall_mm,
+        gt=0.0,
+        lt=50.0,
+        description="Thickness of a tube's wall, below half the diameter; without it, the rod is solid.",
+        examples=[0.5],
+    )
+    width_mm: float | None = Field(
+        default=plain.RodJob.width_mm,
+        gt=0.0,
+        le=2000.0,
+        description="Instead of `diameter_mm`: width of a flat strip, across the plane in which it bends.",
+        examples=[20.0],
+    )
+    thickness_mm: float | None = Field(
+        default=plain.RodJob.thickness_mm,
+        gt=0.0,
+        le=100.0,
+        description="With `width_mm`: thickness of the flat strip, in the plane in which it bends; at most its width.",
+        examples=[0.5],
+    )
     youngs_modulus_mpa: float = Field(
         ge=1.0,
         le=2.0e6,
@@ -137,7 +165,7 @@ class RodSection(Section):
     max_strain: float = Field(
         gt=0.0,
         le=0.1,
-        description="Greatest strain κ·d/2 anywhere on the rod (a pure number: 0.008 is 0.8 %).",
+        description="Greatest strain κ·d/2 anywhere on the rod, d its diameter or thickness (0.008 is 0.8 %).",
         examples=[0.008],
     )
     min_bow_mm: float = Field(
@@ -147,6 +175,11 @@ class RodSection(Section):
         description="Least height of the rod's arc over its chord; a straighter rod may snap to either side.",
         examples=[1.0],
     )
+
+    @model_validator(mode="after")
+    def _one_section(self) -> RodSection:
+        section_of_sizes(self.diameter_mm, self.wall_mm, self.width_mm, self.thickness_mm)  # its error is a ValueError
+        return self
 
 
 class BladeSection(Section):

@@ -12,6 +12,7 @@ import numpy as np
 from batten.curves.elastica import points_batch
 from batten.fabrication.job import CutJob
 from batten.fabrication.plan import CheckResult, CutPlan
+from batten.fabrication.rod import Rod
 from batten.typing import BoolArray, FloatArray, IntArray
 
 SAMPLES = 65
@@ -28,7 +29,7 @@ class RodNumbers:
         pieces: (n, m, 2), the part within the block, mm.
         arc_mm: (n, m), arc length along the rod, counted from where it enters the block.
         curvature: (n, m), 1/mm.
-        strain: (n, m), κ·d/2, signed.
+        strain: (n, m), κ·d/2 with d the depth of the rod's section, signed.
         force_n: (n,), the force that either gripper holds, EI·‖force‖, N.
         moment_left_nmm, moment_right_nmm: (n,), bending moments EI·κ at the rod's ends, N·mm, signed.
         refused: (n,), whether the rod is left out.
@@ -76,7 +77,7 @@ def rod_numbers(plan: CutPlan, job: CutJob) -> RodNumbers:
 
     Parameters:
         plan: the plan, with at least one rod.
-        job: the job, for the rod's diameter and modulus.
+        job: the job, for the rod's section and modulus.
     """
     t = np.linspace(0.0, 1.0, SAMPLES)
     parameters = np.array([r.rod.parameters for r in plan.rods]).reshape(-1, 7)
@@ -85,8 +86,7 @@ def rod_numbers(plan: CutPlan, job: CutJob) -> RodNumbers:
     force = parameters[:, None, 4:6]
     offset = points - parameters[:, None, 0:2]
     curvature = parameters[:, None, 3] + offset[..., 0] * force[..., 1] - offset[..., 1] * force[..., 0]
-    radius = 0.5 * job.rod.diameter_mm
-    stiffness = job.rod.youngs_modulus_mpa * math.pi * radius**4 / 4.0
+    bent = Rod.of(job.rod)
     before = np.array([r.before_mm for r in plan.rods])
     return RodNumbers(
         plan=plan,
@@ -94,10 +94,10 @@ def rod_numbers(plan: CutPlan, job: CutJob) -> RodNumbers:
         pieces=pieces,
         arc_mm=t * parameters[:, None, 6] - before[:, None],
         curvature=curvature,
-        strain=curvature * radius,
-        force_n=stiffness * np.hypot(parameters[:, 4], parameters[:, 5]),
-        moment_left_nmm=stiffness * curvature[:, 0],
-        moment_right_nmm=stiffness * curvature[:, -1],
+        strain=curvature * bent.half_depth_mm,
+        force_n=bent.force_n(parameters[:, 4:6]),
+        moment_left_nmm=bent.moment_nmm(curvature[:, 0]),
+        moment_right_nmm=bent.moment_nmm(curvature[:, -1]),
         refused=np.array([r.status == "refused" for r in plan.rods], dtype=np.bool_),
     )
 

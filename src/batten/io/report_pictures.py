@@ -333,7 +333,7 @@ def draw_strain(plan: CutPlan, job: CutJob, numbers: RodNumbers, featured: int) 
     ax.set_title("strain κ·d/2, %", loc="left")
     ax.set_title(f"━ leaf {rod.leaf} in block {rod.block}", color=colour)
     ax.set_title("curvature, 1/m", loc="right")
-    per_metre = 0.01 / (0.5e-3 * job.rod.diameter_mm)  # from strain in % to curvature in 1/m
+    per_metre = 0.01 / (1e-3 * job.rod.section.half_depth_mm)  # from strain in % to curvature in 1/m
     scale: tuple[Any, Any] = (lambda e: e * per_metre, lambda k: k / per_metre)
     right = ax.secondary_yaxis("right", functions=scale)
     right.spines["right"].set_visible(True)

@@ -49,6 +49,14 @@ def test_the_tool_points_along_the_rod_and_the_spin_is_free():
         np.testing.assert_allclose(cos, np.cos(arm.spin_rad), rtol=0, atol=1e-12)
 
 
+def test_a_flat_strip_is_never_turned_in_the_grip():
+    frames = sweep(yaw=0.2)
+    motion = plan(frames, cell=replace(CELL, rod_is_round=False))
+    for arm, (_, _, normals) in ((motion.left, frames[0]), (motion.right, frames[1])):
+        assert (arm.spin_rad == 0.0).all()
+        np.testing.assert_allclose(arm.poses[:, :3, 0], normals, rtol=0, atol=1e-12)
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_joints_bring_the_tool_where_the_rod_ends(seed):
     motion = plan(sweep(yaw=0.1 * seed, seed=seed))

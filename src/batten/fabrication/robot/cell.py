@@ -7,7 +7,7 @@ and the work frame is the work object.
 
 The grip. The tool centre point is the rod's end; its z axis points along the rod, out of the gripper and into the rod:
 for the left arm along the rod's tangent, for the right arm against it. At spin 0 its x axis is the normal of the rod's
-plane. The rod is round, so the spin about z is free.
+plane. A round rod leaves the spin about z free; a flat strip stays at spin 0.
 """
 
 from __future__ import annotations
@@ -38,6 +38,8 @@ class RobotCell:
         max_joint_speed_fraction: greatest share of a joint's rated speed.
         max_joint_step_rad: greatest turn of a joint between successive leaves.
         tool_mass_kg, tool_centre_mm: the gripper's mass, and its centre of mass in the flange frame, shape (3,).
+        rod_is_round: whether the rod may turn about its own axis; a flat strip stays at spin 0, its width across the
+            plane of bending.
 
     Raises:
         InvalidInputError: a limit that is negative or not finite, a share outside (0, 1], a pose that is not rigid.
@@ -58,6 +60,7 @@ class RobotCell:
     max_joint_step_rad: float = float(np.radians(20.0))
     tool_mass_kg: float = 10.0
     tool_centre_mm: tuple[float, float, float] = (0.0, 0.0, 100.0)
+    rod_is_round: bool = True
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "work_object", rigid_pose("work_object", self.work_object))
@@ -80,13 +83,14 @@ class RobotCell:
 
     def spin_limits(self) -> SpinLimits:
         """The limits as units for the margins of `choose_spins`: a limit of 0 is measured in a small unit of its own."""
-        return SpinLimits(
+        limits = SpinLimits(
             joint_margin_rad=max(self.min_joint_margin_rad, float(np.radians(1.0))),
             reach_mm=max(self.min_reach_mm, 1.0),
             singularity=max(self.min_singularity, 0.01),
             joint_step_rad=self.max_joint_step_rad,
             joint_speed_fraction=self.max_joint_speed_fraction,
         )
+        return limits if self.rod_is_round else replace(limits, spins=1, window=0)
 
 
 def pose_from_xyz(position_mm: ArrayLike, angles_deg: ArrayLike = (0.0, 0.0, 0.0)) -> FloatArray:
