@@ -1,0 +1,1 @@
+"""Studies: the papers' experiments done again, with the papers' numbers beside ours."""
