@@ -70,10 +70,10 @@ def _chain(edges=30):
 def test_derivatives_are_those_of_differences():
     chain = _chain()
     rng = np.random.default_rng(1)
-    u, force, h = rng.normal(size=chain.count), np.array([0.3, -0.7]), 1e-6
+    u, force, h = rng.normal(size=chain.unknowns), np.array([0.3, -0.7]), 1e-6
     along, gap = chain.residual(u, force)
     hessian = _dense(chain.hessian(u, force))
-    for i, e in enumerate(np.eye(chain.count)):
+    for i, e in enumerate(np.eye(chain.unknowns)):
         up, down = u + h * e, u - h * e
         difference = (chain.energy(up) - chain.energy(down) + force @ (chain.gap(up) - chain.gap(down))) / (2 * h)
         assert along[i] == pytest.approx(difference, abs=1e-8)

@@ -131,7 +131,8 @@ def solve_boundary(
     Accuracy:
         End point and end angle are met to 1e-11 (in lengths and radians) up to √λ·L = 30. The end of a rod that is pulled
         hard, or makes tight loops, hangs on its start like exp(√λ·L): there the last digits of the seven numbers are
-        searched for the best, `residual` says what is missed, and above 1e-9 a solution is left out. Looked for are curves with √λ·L ≤ 40, forty times the clamped buckling load; with an angle None, ≤ 12 + 6 max_inflections.
+        searched for the best, `residual` says what is missed, and above 1e-9 a solution is left out. Looked for are
+        curves with √λ·L ≤ 40, forty times the clamped buckling load; with an angle None, ≤ 12 + 6 max_inflections.
         Two solutions that are about to merge (a fold) are told apart down to 1e-7 in curvature and force.
 
     Degenerate cases:

@@ -34,7 +34,7 @@ class DiscreteChain(NamedTuple):
     weight: float
     edge: float
     goal: FloatArray
-    count: int
+    unknowns: int
 
     def energy(self, u: FloatArray) -> float:
         turns = np.diff(u)
@@ -47,7 +47,7 @@ class DiscreteChain(NamedTuple):
 
     def stiffness(self) -> FloatArray:
         """The diagonal of the Hessian of E; beside it stand −1."""
-        diagonal = np.full(self.count, 2.0)
+        diagonal = np.full(self.unknowns, 2.0)
         diagonal[0] = diagonal[-1] = 1.0 + self.weight
         return diagonal
 
@@ -130,7 +130,7 @@ def descents(diagonal: FloatArray, slopes: FloatArray, shift: float = 0.0) -> in
 
 def multipliers(chain: DiscreteChain, u: FloatArray) -> FloatArray:
     """λ (2,) with the least ∇(E + λ·c)."""
-    return np.linalg.lstsq(chain.slopes(u).T, -chain.gradient(u), rcond=None)[0]
+    return np.asarray(np.linalg.lstsq(chain.slopes(u).T, -chain.gradient(u), rcond=None)[0], dtype=np.float64)
 
 
 def has_converged(chain: DiscreteChain, u: FloatArray, force: FloatArray) -> bool:
@@ -278,7 +278,7 @@ def _pushed(chain: DiscreteChain, u: FloatArray, force: FloatArray, largest_step
     for _ in range(30):
         middle = 0.5 * (low + high)
         low, high = (middle, high) if descents(diagonal, slopes, middle) else (low, middle)
-    direction = np.linspace(1.0, 2.0, chain.count)
+    direction = np.linspace(1.0, 2.0, chain.unknowns)
     for _ in range(4):
         direction, _ = bordered_solution(diagonal + high, slopes, direction, np.zeros(2))
         direction /= np.abs(direction).max()

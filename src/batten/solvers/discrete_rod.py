@@ -136,10 +136,10 @@ class DiscreteRod:
         object.__setattr__(self, "_ends", ends)
         chain = self._chain(ends.end_angle)
         reach = float(np.hypot(*chain.goal))
-        if not ends.straight and reach > chain.count * chain.edge:
+        if not ends.straight and reach > chain.unknowns * chain.edge:
             raise NoSolutionError(
                 f"with {self.edges} edges, two of them fixed, the rod of length {ends.length} misses its end by "
-                f"{(reach - chain.count * chain.edge) * ends.length:.3g}; give more edges or more length"
+                f"{(reach - chain.unknowns * chain.edge) * ends.length:.3g}; give more edges or more length"
             )
 
     # --- the paper's method ---
