@@ -13,6 +13,9 @@ from typing import Annotated, Any, NoReturn
 
 import typer
 
+from batten.cli.bend import bend
+from batten.cli.live import live
+from batten.cli.study import app as study_app
 from batten.errors import BattenError, LimitError, NoSolutionError
 
 # Whatever is needed for one command only is imported there: `batten --help` answers at once.
@@ -114,6 +117,11 @@ def check(
             )
         )
     raise typer.Exit(FINE if agrees and is_whole(stored.plan) else BROKEN_LIMIT)
+
+
+app.command(short_help="All shapes of a rod between two grippers.")(bend)
+app.command(short_help="A rod followed live, its ends tracked by sensors.")(live)
+app.add_typer(study_app, name="study", short_help="The papers' experiments beside ours, at any size.")
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -12,11 +12,10 @@ import numpy as np
 import rhino3dm as _rhino3dm
 
 from batten.curves.bspline import BSplineCurve
-from batten.curves.elastica import Elastica, states_along
 from batten.errors import FormatError, InvalidInputError
 from batten.fabrication.plan import CutPlan, GripperFrames, gripper_frames
+from batten.io.rhino_curves import Drawing, nurbs_curves
 from batten.surfaces.bspline_surface import BSplineSurface
-from batten.surfaces.plane import Plane
 from batten.typing import FloatArray
 
 rhino3dm: Any = _rhino3dm  # its own stubs call read-only what can be written, and leave out much
@@ -268,7 +267,6 @@ def _space_curve(path: Path, name: str, geometry: Any) -> tuple[int, FloatArray,
 
 
 _STRAY_MM = 0.009  # of a curve from its elastica, measured in the middle of each cubic; 0.01 is promised
-_MOST_PIECES = 4096
 _AXES_MM = (60.0, 40.0, 20.0)  # along the tangent, across the rod in its plane, along the plane's normal
 _COLOURS = {
     "surface": (190, 190, 190),
@@ -301,10 +299,7 @@ def write_cut_3dm(plan: CutPlan, path: str | Path, surface: BSplineSurface | Non
     Accuracy: leaves and rods are C¹ cubic NURBS within 0.01 mm of the elastica, their parameter is the arc length in mm,
     and their ends and end tangents are exact.
     """
-    model = rhino3dm.File3dm()
-    model.ApplicationName = "batten"
-    model.Settings.ModelUnitSystem = rhino3dm.UnitSystem.Millimeters
-    draw = _Drawing(model)
+    draw = Drawing(_COLOURS, "mm")
     if surface is not None:
         draw.add("surface", "wanted surface", _rhino_surface(surface), {})
     for block in plan.blocks:
@@ -313,8 +308,8 @@ def write_cut_3dm(plan: CutPlan, path: str | Path, surface: BSplineSurface | Non
         box = rhino3dm.Brep.CreateFromBox(rhino3dm.Box(rhino3dm.BoundingBox(low, high)))
         draw.add("blocks", f"block {block.number}", box, texts)
     planes = [rod.plane for rod in plan.rods]
-    leaves = _rhino_curves([rod.piece for rod in plan.rods], planes)
-    rods = _rhino_curves([rod.rod for rod in plan.rods], planes)
+    leaves = nurbs_curves([rod.piece for rod in plan.rods], planes, _STRAY_MM)
+    rods = nurbs_curves([rod.rod for rod in plan.rods], planes, _STRAY_MM)
     frames = _axes_curves(gripper_frames(plan.rods))
     for rod, leaf_curve, rod_curve, axes in zip(plan.rods, leaves, rods, frames):
         texts = {"block": str(rod.block), "leaf": str(rod.leaf)}
@@ -327,44 +322,6 @@ def write_cut_3dm(plan: CutPlan, path: str | Path, surface: BSplineSurface | Non
         for side, curve in zip(("left", "right"), axes):
             draw.add("frames", f"{name} {side}", curve, texts | {"gripper": side})
     draw.write(Path(path))
-
-
-class _Drawing:
-    """A model that takes valid geometry only."""
-
-    def __init__(self, model: Any) -> None:
-        self.model = model
-        self.layers: dict[str, int] = {}
-        for name, colour in _COLOURS.items():
-            layer = rhino3dm.Layer()
-            layer.Name = name
-            layer.Color = (*colour, 255)
-            self.layers[name] = model.Layers.Add(layer)
-
-    def add(
-        self, layer: str, name: str, geometry: Any, texts: dict[str, str], colour: tuple[int, int, int] | None = None
-    ) -> None:
-        if geometry is None or not geometry.IsValid:
-            log = "no geometry" if geometry is None else " ".join(geometry.IsValidWithLog[1].split())
-            raise FormatError(f"{layer}: {name} is not valid for Rhino ({log}); it cannot be written")
-        attributes = rhino3dm.ObjectAttributes()
-        attributes.LayerIndex = self.layers[layer]
-        attributes.Name = name
-        for key, value in texts.items():
-            attributes.SetUserString(key, value)
-        if colour is not None:
-            attributes.ColorSource = rhino3dm.ObjectColorSource.ColorFromObject
-            attributes.ObjectColor = (*colour, 255)
-        self.model.Objects.Add(geometry, attributes)
-
-    def write(self, path: Path) -> None:
-        part = path.with_name(f".{path.name}.part")
-        try:
-            if not self.model.Write(str(part), 7):
-                raise OSError(f"{path}: cannot be written; is the folder there, writable and not full?")
-            part.replace(path)
-        finally:
-            part.unlink(missing_ok=True)
 
 
 def _rhino_surface(surface: BSplineSurface) -> Any:
@@ -392,50 +349,3 @@ def _axes_curves(frames: GripperFrames) -> list[tuple[Any, Any]]:
 
 def _polyline(corners: list[list[float]]) -> Any:
     return rhino3dm.Polyline([rhino3dm.Point3d(*corner) for corner in corners]).ToPolylineCurve()
-
-
-def _rhino_curves(rods: Sequence[Elastica], planes: Sequence[Plane]) -> list[Any]:
-    """Elastica as C¹ cubic NURBS in space whose parameter is the arc length, up to the tolerance.
-
-    The cubic on a piece of length h keeps both end points and unit tangents; it strays by h⁴/384 · |γ⁗| at most, and
-    most in its middle, where that is measured. As many pieces are taken as this needs.
-    """
-    parameters = np.array([rod.parameters for rod in rods]).reshape(-1, 7)
-    result: list[Any] = [None] * len(rods)
-    pieces, pending = np.full(len(rods), 4), np.arange(len(rods))
-    while len(pending):
-        count = int(pieces[pending].min())
-        some = pending[pieces[pending] == count]
-        s = parameters[some, 6:] * np.linspace(0.0, 1.0, 2 * count + 1)
-        controls, error = _cubics(states_along(parameters[some], s), s[:, 2])
-        done = ~(error > _STRAY_MM)  # what is not finite is found by Rhino's own check
-        for i, knots, control in zip(some[done].tolist(), s[done, ::2], controls[done]):
-            result[i] = _nurbs_curve(np.repeat(knots, 2), planes[i].to_world(control))
-        more = np.ceil(count * (error[~done] / _STRAY_MM) ** 0.25)
-        pieces[some[~done]] = np.maximum(more, count + 1).astype(np.int64)
-        pending = np.flatnonzero([curve is None for curve in result])
-        pending = pending[pieces[pending] <= _MOST_PIECES]
-    return result
-
-
-def _cubics(states: FloatArray, step: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Control points (n, 2 c + 2, 2) of c cubics each, and how far they stray (n,), from states at 2 c + 1 even stations.
-
-    `step`, (n,), is the length of a cubic.
-    """
-    points, ends = states[:, 1::2, :2], states[:, ::2, :2]
-    arms = np.stack([np.cos(states[:, ::2, 2]), np.sin(states[:, ::2, 2])], axis=-1) * (step / 3.0)[:, None, None]
-    first, second = ends[:, :-1] + arms[:, :-1], ends[:, 1:] - arms[:, 1:]
-    middle = (ends[:, :-1] + 3.0 * first + 3.0 * second + ends[:, 1:]) / 8.0
-    inner = np.stack([first, second], axis=2).reshape(len(states), -1, 2)
-    stray = np.linalg.norm(middle - points, axis=-1).max(axis=1)
-    return np.concatenate([ends[:, :1], inner, ends[:, -1:]], axis=1), stray
-
-
-def _nurbs_curve(double_knots: FloatArray, points: FloatArray) -> Any:
-    """A cubic NurbsCurve over knots that come twice each, at the ends once more."""
-    curve = rhino3dm.NurbsCurve.CreateControlPointCurve([rhino3dm.Point3d(*point) for point in points.tolist()], 3)
-    knots = curve.Knots
-    for i, knot in enumerate([*double_knots[:1].tolist(), *double_knots.tolist(), *double_knots[-1:].tolist()]):
-        knots[i] = knot
-    return curve
