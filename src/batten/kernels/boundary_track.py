@@ -45,7 +45,7 @@ def follow(z, first, last, share, length, watch, most, spent):
     pose_problem(first, last, share, length, problem)
     enough = max(_MET, 4.0 * end_residual(z, problem, ANGLES, values, jac, system, residual))
     spent[0] += 1
-    h = 1.0 - share
+    h, steps = 1.0 - share, 0
     while share < 1.0:
         h = min(h, 1.0 - share)
         there = share + h if h < 1.0 - share else 1.0
@@ -87,10 +87,11 @@ def follow(z, first, last, share, length, watch, most, spent):
             z[:] = trial
             share = there
             spent[1] += 1
+            steps += 1
             h *= 2.0 if first_size < 0.5 * _LARGEST else 1.0
         else:
             h *= 0.5
-            if h < _LEAST_STEP or spent[1] > most:
+            if h < _LEAST_STEP or steps > most:
                 return share
     return 1.0
 

@@ -11,14 +11,17 @@ from batten.errors import ConvergenceError, InvalidInputError, NoSolutionError
 from batten.kernels import boundary_track as kernel
 from batten.kernels.boundary_polish import ANGLES, LENGTH, PROBLEM, polish
 from batten.solvers.boundary_value import BoundarySolution, solve_boundary
-from batten.solvers.discrete_rod import DiscreteRod
+from batten.solvers.discrete_rod import DiscreteRod, DiscreteRodResult
 from batten.solvers.stability import margins
 from batten.typing import ArrayLike, FloatArray, IntArray
 
 _EDGES = 120  # of the polyline that falls to the shape after a snap
+_MOST_FALL = 400  # steps of that fall
 _BEYOND = 1e-5  # of the way: how far past a fold the fall begins
 _MOST_STEPS = 300  # from one pose to the next
 _FAR_FROM_FOLD = 1.01  # margin at which a rod that cannot be followed is too stiff, not about to snap
+_MOST_PARTS = 50  # snaps and leaps on one way
+_LEAPS = (0.05, 0.01, 0.002, 0.0004)  # of the way, where the rod is too stiff to be followed
 _STIFF_TURN = 0.2  # how far its tangents may then turn at once, beyond what the ends do
 _TAUT = 1.0 - 1e-6  # of the length: ends farther apart than that are not followed
 
@@ -118,21 +121,24 @@ class RodTracker:
         z, share = self._z.copy(), 0.0
         spent = np.zeros(2, dtype=np.int64)
         snap: Snap | None = None
-        for _ in range(20):
+        for _ in range(_MOST_PARTS):
             stable = float(margins(self._elastica(z, self._pose, p, share).parameters)) > 1.0
             share = float(kernel.follow(z, self._pose, p, share, self.length, stable, _MOST_STEPS, spent))
             if share >= 1.0:
                 break
             here = self._elastica(z, self._pose, p, share)
             if stable and float(margins(here.parameters)) > _FAR_FROM_FOLD:
-                z, share = standard_numbers(self._nearest(here, p)), 1.0
-                break
+                leap = self._leap(here, self._pose, p, share)
+                if leap is not None:
+                    z, share = leap
+                    continue
             snap = self._fall(here, self._pose, p, share)
             z = standard_numbers(snap.after)
             share = min(share + _BEYOND, 1.0)
         else:
             raise ConvergenceError(
-                f"the rod snapped 20 times on one way to {p.tolist()}; move in smaller steps", best=snap
+                f"the rod snapped or stiffened {_MOST_PARTS} times on one way to {p.tolist()}; move in smaller steps",
+                best=snap,
             )
         before, self._pose, self._z = self._pose, p, z
         return self._state(self._elastica(z, before, p, 1.0), snap, spent)
@@ -179,18 +185,24 @@ class RodTracker:
         released = before.bending_energy() - after.bending_energy()
         return Snap(share, first + share * (last - first), before, after, released)
 
-    def _nearest(self, here: Elastica, pose: FloatArray) -> Elastica:
-        """The stable shape at a pose that is nearest to `here`, where the rod is so stiff that small steps fail too."""
-        fractions = np.linspace(0.0, 1.0, 65)
-        shape = here.angle_at(fractions * self.length)
-        stable = [s.elastica for s in self._all(pose) if s.stable]
-        apart = [float(np.abs(e.angle_at(fractions * self.length) - shape).max()) for e in stable]
-        if not apart or min(apart) > _STIFF_TURN + float(np.abs(pose[[2, 5]] - shape[[0, -1]]).max()):
-            raise ConvergenceError(
-                f"the rod is too stiffly held to be followed to {pose.tolist()} in one step; move in smaller steps",
-                best=here,
-            )
-        return stable[int(np.argmin(apart))]
+    def _leap(
+        self, here: Elastica, first: FloatArray, last: FloatArray, share: float
+    ) -> tuple[FloatArray, float] | None:
+        """A little farther on the way where the rod is so stiff that small steps fail too: the nearest stable shape there.
+
+        Returns the shape's numbers and the share of the way; None if no shape is near: then there is a fold after all.
+        """
+        fractions = np.linspace(0.0, 1.0, 65) * self.length
+        shape = here.angle_at(fractions)
+        for ahead in _LEAPS:
+            there = min(share + ahead, 1.0)
+            pose = first + there * (last - first)
+            turned = float(np.abs(pose[[2, 5]] - shape[[0, -1]]).max())
+            stable = [s.elastica for s in self._all(pose) if s.stable]
+            apart = [float(np.abs(e.angle_at(fractions) - shape).max()) for e in stable]
+            if apart and min(apart) <= _STIFF_TURN + turned:
+                return standard_numbers(stable[int(np.argmin(apart))]), there
+        return None
 
     def _check_reach(self, first: FloatArray, last: FloatArray) -> None:
         """The chord is largest at one of the ends of a straight way: the difference of its ends is linear."""
@@ -265,35 +277,42 @@ def placed(z: FloatArray, pose: FloatArray, length: float) -> Elastica:
 def fallen(before: Elastica, pose: FloatArray) -> Elastica:
     """The stable shape at a pose (6,) that an overdamped rod falls to from the shape `before`.
 
+    Where the fall does not come to rest in time, or its end is too stiff for the polyline that falls to be a guess, it is
+    the stable shape nearest to where the fall has come.
+
     Raises:
-        ConvergenceError: the fall does not come to rest, or what it comes to is no elastica.
+        ConvergenceError: there is no stable shape.
     """
     length = before.length
     middles = before.angle_at((np.arange(_EDGES) + 0.5) * (length / _EDGES)) - before.start_angle + pose[2]
     rod = DiscreteRod(pose[:2], float(pose[2]), pose[3:5], float(pose[5]), length, edges=_EDGES, ends="points")
-    rest = rod.solve(initial=rod.relax(middles).angles)
+    try:
+        angles = rod.relax(middles, max_steps=_MOST_FALL).angles
+        after = _from_polyline(rod.solve(initial=angles), pose, length)
+        if after is not None:
+            return after
+    except ConvergenceError as error:
+        angles = np.asarray(error.best, dtype=np.float64)
+    fractions = (np.arange(_EDGES) + 0.5) / _EDGES
+    every = solve_boundary(pose[:2], pose[2], pose[3:5], pose[5], length, max_inflections=4)
+    found = [s.elastica for s in every if s.stable]
+    if not found:
+        raise ConvergenceError(f"no stable shape was found after a snap at {pose.tolist()}", best=before)
+    apart = [float(np.abs(e.angle_at(fractions * length) - angles).mean()) for e in found]
+    return found[int(np.argmin(apart))]
+
+
+def _from_polyline(rest: DiscreteRodResult, pose: FloatArray, length: float) -> Elastica | None:
+    """The elastica next to a polyline at rest; None if Newton's method does not lead to one of the same energy."""
     problem = np.zeros(PROBLEM)
     problem[LENGTH] = 1.0
     kernel.pose_problem(pose, pose, 0.0, length, problem)
     cos, sin = np.cos(pose[2]), np.sin(pose[2])
     force = rest.force * length**2
-    bend = (rest.angles[0] - pose[2]) * 2.0 * _EDGES
-    bend -= (rest.angles[1] - rest.angles[0]) * _EDGES - bend  # κ at the start from those at half an edge on
+    bend = 2.0 * _EDGES * (rest.angles[0] - pose[2])  # at a quarter of an edge
+    bend -= 0.25 * (_EDGES * (rest.angles[1] - rest.angles[0]) - bend) / 0.75
     z = np.array([0.0, bend, cos * force[0] + sin * force[1], cos * force[1] - sin * force[0]])
     miss = float(polish(z, problem, ANGLES))
     after = placed(z, pose, length)
-    if miss < 1e-9 and abs(after.bending_energy() - rest.energy) < 0.05 * rest.energy:
-        return after
-    # so stiff that the polyline's start is no guess: the solution that it comes to lies among all of them
-    fractions = (np.arange(_EDGES) + 0.5) / _EDGES
-    found = [
-        s.elastica for s in solve_boundary(pose[:2], pose[2], pose[3:5], pose[5], length, max_inflections=4) if s.stable
-    ]
-    apart = [float(np.abs(e.angle_at(fractions * length) - rest.angles).max()) for e in found]
-    if not apart or min(apart) > _STIFF_TURN:
-        raise ConvergenceError(
-            f"the shape after a snap at {pose.tolist()} was not found (misses its end by {miss:.3g})",
-            best=after,
-            residual=miss,
-        )
-    return found[int(np.argmin(apart))]
+    good = miss < 1e-9 and abs(after.bending_energy() - rest.energy) < 0.05 * rest.energy
+    return after if good and float(margins(after.parameters)) > 1.0 else None
