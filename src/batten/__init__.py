@@ -13,10 +13,13 @@ __version__ = "0.1.0"
 _WHERE = {
     "BSplineCurve": "batten.curves.bspline",
     "CubicBezier": "batten.curves.bezier",
+    "CubicSplineRod": "batten.solvers.cubic_spline_rod",
     "Curve": "batten.curves.base",
+    "DiscreteRod": "batten.solvers.discrete_rod",
     "Elastica": "batten.curves.elastica",
     "PiecewiseCurve": "batten.curves.piecewise",
     "Polyline": "batten.curves.polyline",
+    "RodTracker": "batten.solvers.track",
     "Similarity": "batten.curves.similarity",
     "basic_length": "batten.measures.curvature_fit",
     "bending_energy": "batten.measures.bending_energy",
@@ -28,7 +31,14 @@ _WHERE = {
     "initial_elastica": "batten.solvers.initial_guess",
     "l2_distance": "batten.measures.distance",
     "lambda_residual": "batten.measures.lambda_residual",
+    "minimum_energy_curves": "batten.solvers.angle_constrained",
     "multipliers": "batten.measures.curvature_fit",
+    "scale_invariant_curves": "batten.solvers.angle_constrained",
+    "snap_error": "batten.solvers.snap_error",
+    "solve_boundary": "batten.solvers.boundary_value",
+    "solve_boundary_batch": "batten.solvers.boundary_value",
+    "stability": "batten.solvers.stability",
+    "track_boundary": "batten.solvers.track",
 }
 
 if TYPE_CHECKING:
@@ -47,9 +57,19 @@ if TYPE_CHECKING:
     from batten.measures.distance import hausdorff_distance as hausdorff_distance
     from batten.measures.distance import l2_distance as l2_distance
     from batten.measures.lambda_residual import lambda_residual as lambda_residual
+    from batten.solvers.angle_constrained import minimum_energy_curves as minimum_energy_curves
+    from batten.solvers.angle_constrained import scale_invariant_curves as scale_invariant_curves
+    from batten.solvers.boundary_value import solve_boundary as solve_boundary
+    from batten.solvers.boundary_value import solve_boundary_batch as solve_boundary_batch
+    from batten.solvers.cubic_spline_rod import CubicSplineRod as CubicSplineRod
+    from batten.solvers.discrete_rod import DiscreteRod as DiscreteRod
     from batten.solvers.elastica_fit import fit_elastica as fit_elastica
     from batten.solvers.elastica_fit import fit_elastica_batch as fit_elastica_batch
     from batten.solvers.initial_guess import initial_elastica as initial_elastica
+    from batten.solvers.snap_error import snap_error as snap_error
+    from batten.solvers.stability import stability as stability
+    from batten.solvers.track import RodTracker as RodTracker
+    from batten.solvers.track import track_boundary as track_boundary
 
 __all__ = [*_WHERE, "__version__"]
 

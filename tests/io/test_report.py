@@ -18,6 +18,7 @@ import pytest
 
 from batten.curves.elastica import Elastica
 from batten.fabrication.plan import CheckResult
+from batten.io.cut_summary import cut_lines, cut_summary
 from batten.io.report import report_html, verdict, write_report
 from batten.io.report_maps import ABSENT, BROKEN, RAMP, check_map, ramp_colours
 from batten.io.report_numbers import (
@@ -27,6 +28,7 @@ from batten.io.report_numbers import (
     rod_numbers,
     use_of_limit,
     wall_order,
+    worst_rod,
 )
 from batten.io.report_tables import MOST_REPAIRED, amount, refused_rows, repaired_rows, repairs
 
@@ -89,6 +91,8 @@ def test_distance_to_a_polyline():
         ("max", 2.0, [0.0, 1.0, 2.0, 3.0, math.nan, math.inf, -1.0], [0.0, 0.5, 1.0, 1.5, math.nan, math.inf, 0.0]),
         ("min", 2.0, [4.0, 2.0, 1.0, math.inf, math.nan], [0.5, 1.0, 2.0, 0.0, math.nan]),
         ("min", 0.0, [4.0, 0.0, 2.0, -4.0], [0.0, 1.0, 0.5, 2.0]),
+        ("min", 1.0, [1.0, 1.0, 0.8, math.nan], [0.0, 0.0, 1.25, math.nan]),  # the limit is the best there is
+        ("min", 2.0, [2.0, math.inf], [1.0, 0.0]),
         ("max", 0.0, [-4.0, 0.0, 4.0], [0.0, 1.0, 2.0]),
     ],
 )
@@ -263,6 +267,40 @@ def test_a_check_without_a_limit_is_reported_and_its_map_is_relative(make_plan):
     column = pixels[:: pixels.shape[0] // 4, 0][::-1].tolist()
     assert column == [list(ramp_colours(np.array(v))) for v in (0.25, 1.0, 0.5, np.nan)]
     assert critical_rod(with_checks(plan, force))[0] in range(4)
+
+
+def test_infinite_margins_are_shown_and_mapped(make_plan):
+    plan, job = make_plan(rows=1, columns=1, leaves=4)
+    some = CheckResult("s", "Some", "mm", 2.0, "min", np.array([np.nan, np.inf, 4.0, np.inf]))
+    every = CheckResult("e", "Every", "mm", 2.0, "min", np.array([np.nan, np.inf, np.inf, np.inf]))
+    stuck = CheckResult("b", "Stuck", "", 3.0, "max", np.array([np.nan, np.inf, np.inf, np.nan]), hard=False)
+    assert [worst_rod(c) for c in (some, every, stuck)] == [2, 1, 1]
+    plan = with_checks(plan, some, every, stuck)
+    page = page_of(report_html(plan, job, pictures=False, files={}))
+    rows = {words_of(r[0]): [words_of(c) for c in r][1:] for r in page.iter(f"{XHTML}tr")}
+    assert rows["Some"] == ["✓ pass", "≥ 2 mm", "4.00 mm", "2.00 mm", "", "leaf 3, block 1", "0"]
+    assert rows["Every"] == ["✓ pass", "≥ 2 mm", "∞", "∞", "", "leaf 2, block 1", "0"]
+    assert rows["Stuck"] == ["! remark", "≤ 3", "∞", "−∞", "", "leaf 2, block 1", "2"]
+    data = base64.b64decode(check_map(plan, wall_order(plan), every).split(",")[1])
+    pixels = np.rint(255.0 * matplotlib.image.imread(io.BytesIO(data), format="png")).astype(int)
+    column = pixels[:: pixels.shape[0] // 4, 0][::-1].tolist()
+    assert column == [list(ramp_colours(np.array(v))) for v in (np.nan, 0.0, 0.0, 0.0)]
+    assert cut_lines(plan, Path("out"))[2].split() == [
+        "pass",
+        "Every",
+        "worst",
+        "∞",
+        "≥",
+        "2",
+        "mm",
+        "leaf",
+        "2,",
+        "block",
+        "1",
+    ]
+    summary = cut_summary(plan, Path("out"))["checks"][1]
+    assert (summary["leaf"], summary["worst"], summary["rods_beyond"]) == (2, None, 0)
+    json.dumps(summary, allow_nan=False)
 
 
 MEASURE = """<script>

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scipy.special import ellipe, ellipk
+from scipy.special import ellipe, ellipk, gamma
 
 from batten.curves.elastica import Elastica, states_along
 from batten.errors import ConvergenceError, InvalidInputError, NoSolutionError
@@ -252,6 +252,16 @@ def test_a_family_is_cut_short_and_said():
     with pytest.raises((ConvergenceError, NoSolutionError)) as caught:
         solve_boundary((0, 0), None, (0, 0), None, 1.0, start_curvature=2 * PI, end_curvature=2 * PI)
     assert "pinned in one point" in str(caught.value)
+
+
+@pytest.mark.parametrize("off", [0.0, 1e-13, -1e-12, 1e-10, 1e-7, -1e-5])
+def test_ends_that_are_inflections(off):
+    """A half wave of the rectangular elastica, chord/L = π/ϖ²: both end curvatures vanish, the tip of a chart."""
+    lemniscate = gamma(0.25) ** 2 / (2 * np.sqrt(2 * PI))
+    solutions = solve_boundary((0, 0), PI / 2, (1, 0), -PI / 2, lemniscate**2 / PI * (1 + off))
+    assert solutions[0].energy == pytest.approx(4 * PI**2 / lemniscate**2, rel=1e-6)
+    assert solutions[0].stable
+    assert solutions[0].elastica.start_curvature == pytest.approx(PI * off, abs=1e-12 + 0.01 * abs(off))
 
 
 # --- other end conditions ---

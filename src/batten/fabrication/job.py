@@ -91,6 +91,8 @@ class RodJob:
         youngs_modulus_mpa: MPa = N/mm².
         max_strain: greatest strain κ·d/2 anywhere on the rod, d its depth in the plane of bending, pure number.
         min_bow_mm: least height of the rod's arc over its chord, mm: a straighter rod may buckle to either side.
+        min_stability_margin: least length up to which the rod's own curve, held at both ends, would be stable, over the
+            rod's length; at 1 it just ceases to stay in its shape.
         wall_mm: thickness of a tube's wall, mm; None for other sections.
         width_mm: of a flat strip, across the plane of bending, mm; None for other sections.
         thickness_mm: of a flat strip, in the plane of bending, mm; None for other sections.
@@ -101,6 +103,7 @@ class RodJob:
     youngs_modulus_mpa: float = 200000.0
     max_strain: float = 0.008
     min_bow_mm: float = 1.0
+    min_stability_margin: float = 1.05
     wall_mm: float | None = None
     width_mm: float | None = None
     thickness_mm: float | None = None
@@ -141,12 +144,16 @@ class GripperJob:
         clearance_mm: least free distance between that ball and the block, mm.
         max_force_n: greatest force at a gripper, N; None sets no limit.
         max_moment_nmm: greatest bending moment at a gripper, N·mm; None sets no limit.
+        position_error_mm: how far a gripper may stand off its place, mm: no such shift may make the rod snap.
+        angle_error_deg: how far a gripper may be turned in the rod's plane, degrees: no such turn may make the rod snap.
     """
 
     radius_mm: float = 40.0
     clearance_mm: float = 20.0
     max_force_n: float | None = None
     max_moment_nmm: float | None = None
+    position_error_mm: float = 0.1
+    angle_error_deg: float = 0.2
 
 
 @dataclass(frozen=True)

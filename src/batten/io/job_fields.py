@@ -175,6 +175,14 @@ class RodSection(Section):
         description="Least height of the rod's arc over its chord; a straighter rod may snap to either side.",
         examples=[1.0],
     )
+    min_stability_margin: float = Field(
+        default=plain.RodJob.min_stability_margin,
+        ge=1.0,
+        le=100.0,
+        description="Least length up to which the rod's curve, held at both ends, would be stable, over the rod's length; "
+        "below 1 a rod does not stay in its shape.",
+        examples=[1.05],
+    )
 
     @model_validator(mode="after")
     def _one_section(self) -> RodSection:
@@ -235,6 +243,20 @@ class GripperSection(Section):
         le=1.0e9,
         description="Greatest bending moment at a gripper; without it, moments are reported and not limited.",
         examples=[50000.0],
+    )
+    position_error_mm: float = Field(
+        default=plain.GripperJob.position_error_mm,
+        ge=0.0,
+        le=100.0,
+        description="How far a gripper may stand off its place; no such shift may make the rod snap.",
+        examples=[0.1],
+    )
+    angle_error_deg: float = Field(
+        default=plain.GripperJob.angle_error_deg,
+        ge=0.0,
+        le=45.0,
+        description="How far a gripper may be turned in the rod's plane; no such turn may make the rod snap.",
+        examples=[0.2],
     )
 
 

@@ -127,6 +127,8 @@ def use_of_limit(check: CheckResult) -> FloatArray:
         use[known] = check.values[known] / check.limit
     elif check.sense == "min" and check.limit > 0.0:
         use[known] = check.limit / np.maximum(check.values[known], 1e-3 * check.limit)
+        if not (margins > 0.0).any():  # nothing is better than the limit: who keeps it uses nothing of it
+            use[margins == 0.0] = 0.0
     elif known.any():  # no scale in the limit itself: take the widest margin as the free end
         use[known] = 1.0 - margins[known] / max(float(np.abs(margins[known]).max()), 1e-300)
     use[np.isposinf(check.values)] = np.inf if check.sense == "max" else 0.0
@@ -137,9 +139,14 @@ def use_of_limit(check: CheckResult) -> FloatArray:
 
 def worst_rod(check: CheckResult) -> int:
     """Index of the rod with the least margin; where there is no limit, of the most extreme value; −1 if there is none."""
-    if math.isfinite(check.limit) or np.isnan(check.values).all():
-        return check.worst
-    return int(np.nanargmax(check.values) if check.sense == "max" else np.nanargmin(check.values))
+    known = np.flatnonzero(~np.isnan(check.values))
+    if not known.size:
+        return -1
+    if not math.isfinite(check.limit):
+        return int(np.nanargmax(check.values) if check.sense == "max" else np.nanargmin(check.values))
+    if not np.isfinite(check.margins).any():  # all infinitely good or bad
+        return int(known[check.margins[known].argmin()])
+    return check.worst
 
 
 def critical_rod(plan: CutPlan) -> tuple[int, CheckResult | None]:

@@ -24,10 +24,11 @@ TIGHTEST = 40.0
 """Greatest √λ, times the length, of the curves that are looked for: a force forty times the clamped buckling load."""
 
 _DEPTH = 44
+_TIP = 1e-8
 _WIDEN = 1.0
 _LINEAR = 0.12
 _LOWEST = 1.0 / 340.0  # v in charts 1 and 2: 1 − k² = exp(−678) and exp(−339)
-_LEAST = 1e-9  # of v in the others
+_LEAST = 1e-60  # of v in the others
 
 
 @njit(cache=True, no_cfunc_wrapper=True, nogil=True)
@@ -179,7 +180,7 @@ def search_chart(chart, cell, count, nu, nv, problem, kind, most, nodes, found, 
             long_u, long_v = math.hypot(xu, yu), math.hypot(xv, yv)
             u, v = 0.5 * (u0 + u1), 0.5 * (v0 + v1)
             linear = known and bend * max(long_u, long_v) < _LINEAR * abs(det)
-            if not linear and depth < (_DEPTH if known else 8):
+            if not linear and depth < (_DEPTH if known else 8) and not (known and _all_near(r)):
                 if known:
                     along_u = max(bend_u, 1e-3 * long_u) >= max(bend_v, 1e-3 * long_v)
                 else:
@@ -208,6 +209,16 @@ def search_chart(chart, cell, count, nu, nv, problem, kind, most, nodes, found, 
                 z[0], z[1], z[2], z[3] = out[5], out[2], out[3], out[4]
                 n_found = _keep(z, problem, kind, most, found, n_found, spent)
     return n_found
+
+
+@njit(cache=True, no_cfunc_wrapper=True, nogil=True)
+def _all_near(nine):
+    """Whether a cell's points all but vanish: at the tip of a chart no smaller cell is more nearly linear."""
+    for i in range(3):
+        for j in range(3):
+            if abs(nine[i, j, 0]) + abs(nine[i, j, 1]) > _TIP:
+                return False
+    return True
 
 
 @njit(cache=True, no_cfunc_wrapper=True, nogil=True)

@@ -11,7 +11,7 @@ from batten.kernels.stability import conjugate_length
 DIRECTIONS = 24
 _ZOOMS = 14
 _GOLDEN = 0.6180339887498949
-_NEAR_FOLD = 1.01  # margin below which a rod that cannot be followed is at a fold, not too stiff
+_NEAR_FOLD = 1.2  # margin below which a rod that cannot be followed is at a fold, not too stiff: it falls to 1 steeply
 _DRAWN = 0.98  # share of the length in excess of the chord that is taken away at most
 _STEPS = 60  # of one way; a rod that needs more is too stiff
 _STRAIGHT = 1e-9  # curvature times length, throughout, below which a rod is straight
@@ -22,7 +22,7 @@ def _way(z, first, last):
     """Which share of the way between two poses the rod holds; inf if all of it. Length 1."""
     here, spent = z.copy(), np.zeros(2, np.int64)
     share = follow(here, first, last, 0.0, 1.0, True, _STEPS, spent)
-    if share >= 1.0 or conjugate_length(0.0, here[1], here[2], here[3], 1.0, 0) > _NEAR_FOLD:
+    if share >= 1.0 or spent[1] > _STEPS or conjugate_length(0.0, here[1], here[2], here[3], 1.0, 0) > _NEAR_FOLD:
         return math.inf
     return share
 

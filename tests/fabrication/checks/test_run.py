@@ -12,8 +12,10 @@ from batten.fabrication.plan import CheckResult
 JOB = CutJob(SurfaceJob())
 ORDER = [
     "strain", "deviation", "deviation_mean", "hausdorff", "jump", "jump_tangent", "reentry", "gripper_clearance",
-    "straightness", "passes_straight", "speed_ratio", "gripper_force", "gripper_moment",
+    "straightness", "passes_straight", "stability", "snap_shift", "snap_turn", "jump_between", "speed_ratio",
+    "gripper_force", "gripper_moment",
 ]  # fmt: skip
+PURE_NUMBERS = ("strain", "stability", "jump_between", "speed_ratio")
 
 
 def checks_of(hand, rods, **more):
@@ -25,9 +27,7 @@ def test_every_check_has_a_value_for_every_rod(hand, count):
     rods = [hand.place(hand.arc(500.0, 600.0), leaf=i, plane=hand.vertical(20.0 * i)) for i in range(count)]
     checks = checks_of(hand, rods)
     assert [c.name for c in checks] == ORDER
-    assert all(
-        c.values.shape == (count,) and c.title and (c.unit or c.name in ("strain", "speed_ratio")) for c in checks
-    )
+    assert all(c.values.shape == (count,) and c.title and (c.unit or c.name in PURE_NUMBERS) for c in checks)
 
 
 def test_the_robots_come_last_and_need_their_cell(hand, monkeypatch):
@@ -51,7 +51,11 @@ def test_a_good_leaf_is_not_refused_and_bad_ones_with_every_reason(hand):
     assert list(reasons) == [2, 3, 4]
     assert reasons[2][0] == "strain on the whole rod 0.015 > 0.008 in block 1"
     assert reasons[2][1].startswith("greatest deviation from the surface 92.9 mm > 0.5 mm")
-    assert reasons[3] == ("bow of the rod over its chord 0 mm < 1 mm in block 1",)
+    assert reasons[3] == (
+        "bow of the rod over its chord 0 mm < 1 mm in block 1",
+        "shift of a gripper that snaps the rod 0 mm < 0.1 mm in block 1",
+        "turn of a gripper that snaps the rod 0° < 0.2° in block 1",
+    )
     assert reasons[4] == ("free distance of the grippers from the block -10 mm < 20 mm in block 1",)
 
 

@@ -15,6 +15,7 @@ from batten.fabrication.checks.forces import forces_checks
 from batten.fabrication.checks.gripper_clearance import gripper_clearance_check
 from batten.fabrication.checks.reentry import reentry_check
 from batten.fabrication.checks.speed_ratio import speed_ratio_check
+from batten.fabrication.checks.stability import stability_checks
 from batten.fabrication.checks.straightness import straightness_checks
 from batten.fabrication.checks.strain import strain_check
 from batten.fabrication.job import CutJob
@@ -45,7 +46,8 @@ def run_checks(
 
     Returns:
         strain, deviation, deviation_mean, hausdorff, jump, jump_tangent, reentry, gripper_clearance, straightness,
-        passes_straight, speed_ratio, gripper_force, gripper_moment, then the robots' checks.
+        passes_straight, stability, snap_shift, snap_turn, jump_between, speed_ratio, gripper_force, gripper_moment, then
+        the robots' checks.
 
     Raises:
         InvalidInputError: motions without a cell, a rod in a block that is not there.
@@ -65,6 +67,7 @@ def rod_checks(
         reentry_check(context),
         gripper_clearance_check(context),
         *straightness_checks(context),
+        *stability_checks(context),
         speed_ratio_check(context),
         *forces_checks(context),
     )
