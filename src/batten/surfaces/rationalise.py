@@ -155,7 +155,9 @@ class _Target:
         weights = speed * w
         lengths = weights.sum(axis=1)
         points = np.stack([x.reshape(m * c, n), y], axis=-1)
-        fractions = speed @ cumulative.T / lengths[:, None]
+        fractions = (
+            np.einsum("ik,jk->ij", speed, cumulative) / lengths[:, None]
+        )  # rows alike in any company, unlike BLAS
         return CurveSamples(points, np.arctan(slope), curvature, weights, fractions, lengths, np.empty((m * c, 2, 3)))
 
     def offsets(self, rows: IntArray, points: FloatArray) -> tuple[FloatArray, FloatArray]:
