@@ -13,6 +13,7 @@ from batten.kernels.boundary_polish import (
     PROBLEM,
     START_CURVATURE,
     bending_and_inflections,
+    polish,
     settle,
 )
 from batten.kernels.boundary_search import TIGHTEST, fill_nodes, search_chart
@@ -31,6 +32,7 @@ from batten.kernels.boundary_value import (
 from batten.kernels.elastica import elastica_constants_exact, evaluate
 
 FOUND, NONE, CUT_SHORT, UNSTORABLE, TOO_SHORT, TAUT, CLOSED_PINNED, BAD = 0, 1, 2, 3, 4, 5, 6, 7
+LINE, FIGURE_EIGHTS = 8, 9  # between the two halves alone
 
 STRAIGHT = 1e-12
 """A rod no longer than its chord by this share is straight."""
@@ -43,38 +45,16 @@ CLOSED = 1e-12
 _FIGURE_EIGHT = 0.9089085575485414  # the modulus with 2E = K
 
 
-@njit(cache=True, no_cfunc_wrapper=True, nogil=True)
-def search(problem, kind, most, budget, found, nodes, frames, nines, spent):
-    """All solutions of one problem in standard position into `found` (m, 7); how many. See `_keep` for the columns.
-
-    `problem` as in `chart_point`; for kind ANGLES the angle at the start is 0 and problem[2] ≥ 0 that at the end.
-    """
-    n = 0
-    spent[:] = 0
-    prepare(problem)
-    if kind != ANGLES:
-        chart = CURVATURE_ANGLE if kind == START_CURVATURE else CURVATURE_CURVATURE
-        for cell in range(SOFT_CELL + 1):
-            nu, nv = (4, 4) if cell == SOFT_CELL else (20, 24)
-            fill_nodes(chart, cell, nu, nv, problem, nodes)
-            n = search_chart(chart, cell, 0, nu, nv, problem, kind, most, nodes, found, n, budget, frames, nines, spent)
-        return n
-    turn = problem[2]
-    if turn < 2.0 * math.pi:
-        for chart in (INFLECTED, INFLECTED_HIGH):
-            fill_nodes(chart, 0, 4, 4, problem, nodes)
-            for count in range(0, most + 1):
-                for cell in range(2):
-                    if count > 0 or (cell == 0 and turn > 0.0):
-                        n = search_chart(
-                            chart, cell, count, 4, 4, problem, kind, most, nodes, found, n, budget, frames, nines, spent
-                        )
-    if turn > 0.0:
-        fill_nodes(ROUND, 0, 4, 4, problem, nodes)
-        n = search_chart(ROUND, 0, 0, 4, 4, problem, kind, most, nodes, found, n, budget, frames, nines, spent)
-        fill_nodes(TURNING, 0, 8, 4, problem, nodes)
-        n = search_chart(TURNING, 0, 0, 8, 4, problem, kind, most, nodes, found, n, budget, frames, nines, spent)
-    return n
+def jobs_of(kind, most):
+    """What `scan_rows` is to search for a kind of ends and at most so many inflections: (n, 5) integers."""
+    if kind in (START_CURVATURE, END_CURVATURE, CURVATURES):
+        chart = CURVATURE_CURVATURE if kind == CURVATURES else CURVATURE_ANGLE
+        jobs = [(chart, cell, 0, 20, 24) for cell in range(SOFT_CELL)] + [(chart, SOFT_CELL, 0, 4, 4)]
+    else:
+        waves = [(0, 0), *((count, cell) for count in range(1, most + 1) for cell in range(2))]
+        jobs = [(chart, cell, count, 4, 4) for chart in (INFLECTED, INFLECTED_HIGH) for count, cell in waves]
+        jobs += [(ROUND, 0, 0, 4, 4), (TURNING, 0, 0, 8, 4)]
+    return np.array(jobs, dtype=np.int64)
 
 
 @njit(cache=True, no_cfunc_wrapper=True, nogil=True)
@@ -85,7 +65,7 @@ def _off(angle):
 
 @njit(cache=True, no_cfunc_wrapper=True, nogil=True)
 def _place(row, kind, problem):
-    """Bring a row of `solve_rows` to standard position, in `problem`; returns (turned by, mirrored, reversed)."""
+    """Bring a row of `scan_rows` to standard position, in `problem`; returns (turned by, mirrored, reversed)."""
     dx, dy, angle, end_angle, curvature, end_curvature, length = row
     mirrored, back = False, kind == END_CURVATURE
     if back:
@@ -109,7 +89,7 @@ def _place(row, kind, problem):
 
 @njit(cache=True, no_cfunc_wrapper=True, nogil=True)
 def _bring_back(z, row, kind, problem, turned, mirrored, back):
-    """The numbers `z` (7,) of `_keep` from standard position to the row's own frame and unit, in place.
+    """The numbers `z` (7,) of `_good` from standard position to the row's own frame and unit, in place.
 
     Only there the last digits are chosen, since turning and scaling round; z[6] becomes what is missed as stored.
     """
@@ -135,13 +115,31 @@ def _bring_back(z, row, kind, problem, turned, mirrored, back):
 
 
 @njit(cache=True, no_cfunc_wrapper=True, nogil=True)
-def solve_rows(rows, kind, most, budget, found, counts, status, evaluations):
-    """All solutions of n problems.
+def _aligned(row, kind):
+    """How far a row's ends lie off the chord: the greatest angle, or curvature times length."""
+    along = math.atan2(row[1], row[0])
+    off = 0.0
+    if kind in (ANGLES, END_CURVATURE):
+        off = max(off, _off(row[2] - along))
+    if kind in (ANGLES, START_CURVATURE):
+        off = max(off, _off(row[3] - along))
+    if kind == ANGLES:
+        off = max(off, abs(row[3] - row[2]))
+    if kind in (START_CURVATURE, CURVATURES):
+        off = max(off, abs(row[4]) * row[6])
+    if kind in (END_CURVATURE, CURVATURES):
+        off = max(off, abs(row[5]) * row[6])
+    return off
+
+
+@njit(cache=True, no_cfunc_wrapper=True, nogil=True)
+def scan_rows(rows, kind, most, jobs, budget, starts, n_starts, status, evaluations):
+    """The first half of solving n problems: curves that nearly arrive, and a status for each row.
 
     `rows` (n, 7): the end point's offset from the start, start angle, end angle, start curvature, end curvature, length; of
-    angle and curvature at an end, `kind` says which is given, the other is not looked at. Into `found` (n, m, 7): the
-    numbers (θ₀, κ₀, λ₁, λ₂) in the problem's own frame and unit, ∫κ² ds, inflections in the open interval, greatest miss of
-    the ends (in lengths) and of what is given there; sorted by energy. `counts`, `status`, `evaluations` (n,).
+    angle and curvature at an end, `kind` says which is given, the other is not looked at. `jobs` (m, 5) lists what to
+    search: chart, cell, count, nu, nv. Into `starts` (n, m, 4) curves in standard position, `n_starts` (n,) of them.
+    Searched rows get FOUND or CUT_SHORT, closed ones FIGURE_EIGHTS, those that cannot be searched what is wrong.
     """
     problem = np.zeros(PROBLEM)
     problem[5] = min(12.0 + 6.0 * most, TIGHTEST)
@@ -149,46 +147,75 @@ def solve_rows(rows, kind, most, budget, found, counts, status, evaluations):
     frames, nines = np.empty((64, 5)), np.empty((64, 3, 3, 3))
     spent = np.zeros(2, np.int64)
     for k in range(rows.shape[0]):
-        counts[k], evaluations[k] = 0, 0
-        table, row = found[k], rows[k]
-        table[:] = math.nan
-        length = row[6]
-        if not (math.isfinite(row.sum()) and length > 0.0):
+        n_starts[k], evaluations[k] = 0, 0
+        row = rows[k]
+        if not (math.isfinite(row.sum()) and row[6] > 0.0):
             status[k] = BAD
             continue
-        chord = math.hypot(row[0], row[1]) / length
+        chord = math.hypot(row[0], row[1]) / row[6]
         if chord > 1.0 + STRAIGHT:
             status[k] = TOO_SHORT
             continue
-        turned, mirrored, back = _place(row, kind, problem)
         if chord >= 1.0 - STRAIGHT:
-            status[k] = TAUT
+            status[k] = LINE if _aligned(row, kind) <= STRAIGHT_ANGLE else TAUT
+            continue
+        _place(row, kind, problem)
+        if chord < CLOSED and (kind == CURVATURES or (kind == ANGLES and problem[2] < CLOSED)):
+            status[k] = FIGURE_EIGHTS if kind == ANGLES else CLOSED_PINNED
+            continue
+        prepare(problem)
+        turn = problem[2]
+        spent[:] = 0
+        n, filled = 0, -1
+        for j in range(jobs.shape[0]):
+            chart, cell, count, nu, nv = jobs[j]
+            if (chart <= INFLECTED_HIGH and turn >= 2.0 * math.pi) or (chart <= ROUND and count == 0 and turn == 0.0):
+                continue
+            which = chart if chart <= ROUND else chart + 10 * cell
+            if which != filled:
+                fill_nodes(chart, cell, nu, nv, problem, nodes)
+                filled = which
+            n = search_chart(chart, cell, count, nu, nv, problem, nodes, starts[k], n, budget, frames, nines, spent)
+        n_starts[k], evaluations[k] = n, spent[0]
+        status[k] = CUT_SHORT if spent[1] else FOUND
+
+
+@njit(cache=True, no_cfunc_wrapper=True, nogil=True)
+def finish_rows(rows, kind, most, starts, n_starts, found, counts, status):
+    """The second half of solving n problems: starts polished, sorted out and brought to each row's own frame and unit.
+
+    Into `found` (n, m, 7): θ₀, κ₀, λ₁, λ₂, ∫κ² ds, inflections in the open interval, greatest miss of the ends (in lengths)
+    and of what is given there; sorted by energy. `counts` (n,) of them; `status` (n,) is brought to its end.
+    """
+    problem = np.zeros(PROBLEM)
+    z = np.empty(7)
+    for k in range(rows.shape[0]):
+        counts[k] = 0
+        table, row = found[k], rows[k]
+        table[:] = math.nan
+        if status[k] == LINE:
+            table[0, :] = 0.0
             along = math.atan2(row[1], row[0])
-            n_off = 0.0
-            if kind in (ANGLES, END_CURVATURE):
-                n_off = max(n_off, _off(row[2] - along))
-            if kind in (ANGLES, START_CURVATURE):
-                n_off = max(n_off, _off(row[3] - along))
-            if kind == ANGLES:
-                n_off = max(n_off, abs(row[3] - row[2]))
-            if kind in (START_CURVATURE, CURVATURES):
-                n_off = max(n_off, abs(row[4]) * length)
-            if kind in (END_CURVATURE, CURVATURES):
-                n_off = max(n_off, abs(row[5]) * length)
-            if n_off <= STRAIGHT_ANGLE:
-                table[0, :] = 0.0
-                table[0, 0] = row[2] if kind in (ANGLES, END_CURVATURE) else along
-                table[0, 6] = max(abs(chord - 1.0), n_off)
-                counts[k], status[k] = 1, FOUND
+            table[0, 0] = row[2] if kind in (ANGLES, END_CURVATURE) else along
+            table[0, 6] = max(abs(math.hypot(row[0], row[1]) / row[6] - 1.0), _aligned(row, kind))
+            counts[k], status[k] = 1, FOUND
             continue
-        if kind == ANGLES and chord < CLOSED and problem[2] < CLOSED:
+        if status[k] not in (FOUND, CUT_SHORT, FIGURE_EIGHTS):
+            continue
+        turned, mirrored, back = _place(row, kind, problem)
+        if status[k] == FIGURE_EIGHTS:
             n = _figures_of_eight(most, table)
-            spent[:] = 0
-        elif kind == CURVATURES and chord < CLOSED:
-            status[k] = CLOSED_PINNED
-            continue
+            status[k] = FOUND
         else:
-            n = search(problem, START_CURVATURE if back else kind, most, budget, table, nodes, frames, nines, spent)
+            n = 0
+            for i in range(n_starts[k]):
+                z[:4] = starts[k, i]
+                if _good(z, problem, START_CURVATURE if back else kind, most) and _is_new(z, table, n):
+                    if n == table.shape[0]:
+                        status[k] = CUT_SHORT
+                        break
+                    table[n] = z
+                    n += 1
         kept = 0
         for i in range(n):
             _bring_back(table[i], row, kind, problem, turned, mirrored, back)
@@ -197,8 +224,34 @@ def solve_rows(rows, kind, most, budget, found, counts, status, evaluations):
                 kept += 1
         table[kept:] = math.nan
         _sort(table, kept)
-        counts[k], evaluations[k] = kept, spent[0]
-        status[k] = CUT_SHORT if spent[1] else (UNSTORABLE if kept < n else (FOUND if n > 0 else NONE))
+        counts[k] = kept
+        if status[k] == FOUND and (kept < n or n == 0):
+            status[k] = UNSTORABLE if kept < n else NONE
+
+
+@njit(cache=True, no_cfunc_wrapper=True, nogil=True)
+def _good(z, problem, kind, most):
+    """Polish z (7,), in place, and add energy, inflections and miss; whether it is a solution that is looked for."""
+    z[6] = polish(z[:4], problem, kind)
+    lam = math.hypot(z[2], z[3])
+    if kind == CURVATURES:
+        z[0] -= 2.0 * math.pi * math.ceil(z[0] / (2.0 * math.pi) - 0.5)
+    if not ((z[6] <= 1e-9 or (z[6] <= 1e-3 and lam > 225.0)) and lam <= TIGHTEST**2):
+        return False
+    z[4], count = bending_and_inflections(z[:4])
+    z[5] = count
+    return count <= most
+
+
+@njit(cache=True, no_cfunc_wrapper=True, nogil=True)
+def _is_new(z, table, n):
+    """Whether z (7,) differs from the first n rows of `table`."""
+    bend = 1.0 + abs(z[1]) + math.sqrt(math.hypot(z[2], z[3]))
+    for i in range(n):
+        apart = abs(table[i, 1] - z[1]) / bend + math.hypot(table[i, 2] - z[2], table[i, 3] - z[3]) / (bend * bend)
+        if apart + abs(table[i, 0] - z[0]) < 1e-7:
+            return False
+    return True
 
 
 @njit(cache=True, no_cfunc_wrapper=True, nogil=True)

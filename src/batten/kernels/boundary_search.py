@@ -1,8 +1,7 @@
-"""All solutions of a boundary value problem: the charts of `boundary_value.py` subdivided, what they find polished.
+"""The charts of `boundary_value.py` subdivided until every curve that arrives at the end point is nearly known.
 
 A cell of a chart is given up if the end point lies outside the image of its nine points, widened by the second differences
-between them; it is solved as a linear system where these are small; else it is halved. What is found is polished by Newton's
-method on the curve's own numbers, for which lines, circles and k = 1 are nothing special.
+between them; it is solved as a linear system where these are small; else it is halved.
 """
 
 import math
@@ -10,7 +9,6 @@ import math
 import numpy as np
 from numba import njit
 
-from batten.kernels.boundary_polish import CURVATURES, bending_and_inflections, polish
 from batten.kernels.boundary_value import (
     INFLECTED_HIGH,
     TURNING,
@@ -24,7 +22,7 @@ TIGHTEST = 40.0
 """Greatest √λ, times the length, of the curves that are looked for: a force forty times the clamped buckling load."""
 
 _DEPTH = 44
-_TIP = 1e-8
+_TIP = 1e-11  # a cell whose points miss less is a point
 _WIDEN = 1.0
 _LINEAR = 0.12
 _LOWEST = 1.0 / 340.0  # v in charts 1 and 2: 1 − k² = exp(−678) and exp(−339)
@@ -32,28 +30,15 @@ _LEAST = 1e-60  # of v in the others
 
 
 @njit(cache=True, no_cfunc_wrapper=True, nogil=True)
-def _keep(z, problem, kind, most, found, n_found, spent):
-    """Polish z; append it to `found` (m, 7): θ₀, κ₀, λ₁, λ₂, energy, inflections, miss; unless it is there already."""
-    miss = polish(z, problem, kind)
-    lam = math.hypot(z[2], z[3])
-    if kind == CURVATURES:
-        z[0] -= 2.0 * math.pi * math.ceil(z[0] / (2.0 * math.pi) - 0.5)
-    if not ((miss <= 1e-9 or (miss <= 1e-3 and lam > 225.0)) and lam <= TIGHTEST**2):
-        return n_found
-    bend = 1.0 + abs(z[1]) + math.sqrt(lam)
-    for i in range(n_found):
-        apart = abs(found[i, 1] - z[1]) / bend + math.hypot(found[i, 2] - z[2], found[i, 3] - z[3]) / (bend * bend)
-        if apart + abs(found[i, 0] - z[0]) < 1e-7:
-            return n_found
-    energy, inflections = bending_and_inflections(z)
-    if inflections > most:
-        return n_found
-    if n_found == found.shape[0]:
-        spent[1] = 1
-        return n_found
-    found[n_found, :4] = z
-    found[n_found, 4], found[n_found, 5], found[n_found, 6] = energy, inflections, miss
-    return n_found + 1
+def _add(out, starts, n):
+    """Append what a chart says of a curve, (θ₀, κ₀, λ₁, λ₂), to the first n of `starts` (m, 4), unless it is there."""
+    bend = 1.0 + abs(out[2]) + math.sqrt(math.hypot(out[3], out[4]))
+    for i in range(n):
+        apart = abs(starts[i, 1] - out[2]) / bend + math.hypot(starts[i, 2] - out[3], starts[i, 3] - out[4]) / bend**2
+        if apart + abs(starts[i, 0] - out[5]) < 1e-9:
+            return n
+    starts[n, 0], starts[n, 1], starts[n, 2], starts[n, 3] = out[5], out[2], out[3], out[4]
+    return n + 1
 
 
 @njit(cache=True, no_cfunc_wrapper=True, nogil=True)
@@ -139,16 +124,13 @@ def _fill_half(chart, cell, count, frame, nine, along_u, half, problem, out):
 
 
 @njit(cache=True, no_cfunc_wrapper=True, nogil=True)
-def search_chart(chart, cell, count, nu, nv, problem, kind, most, nodes, found, n_found, budget, frames, nines, spent):
-    """Search one chart; returns how many solutions `found` holds.
-
-    `spent` (2,): evaluations; 1 if cut short.
+def search_chart(chart, cell, count, nu, nv, problem, nodes, starts, n_starts, budget, frames, nines, spent):
+    """Search one chart for curves that nearly arrive, (θ₀, κ₀, λ₁, λ₂), into `starts` (m, 4); returns how many it holds.
 
     `nodes` from `fill_nodes`. `frames` (m, 5) and `nines` (m, 3, 3, 3) are the stack: borders u₀, u₁, v₀, v₁ and depth of
-    cells, and their points.
+    cells, and their points. `spent` (2,): evaluations; 1 if cut short.
     """
     out, side = np.empty(6), np.empty((4, 6))
-    z = np.empty(4)
     low = lowest(chart)
     for first in range(nu * nv):
         i, j = first // nv, first % nv
@@ -161,9 +143,9 @@ def search_chart(chart, cell, count, nu, nv, problem, kind, most, nodes, found, 
             n_stack -= 1
             r = nines[n_stack]
             u0, u1, v0, v1, depth = frames[n_stack]
-            if spent[0] > budget:
+            if spent[0] > budget or n_starts == starts.shape[0]:
                 spent[1] = 1
-                return n_found
+                return n_starts
             bend_u, bend_v, twist = 0.0, 0.0, 0.0
             for m in range(2):
                 for k in range(3):
@@ -206,9 +188,8 @@ def search_chart(chart, cell, count, nu, nv, problem, kind, most, nodes, found, 
             _sharpen(chart, cell, count, u, v, problem, out, side)
             spent[0] += 20
             if math.isfinite(out[2] + out[3] + out[4] + out[5]):
-                z[0], z[1], z[2], z[3] = out[5], out[2], out[3], out[4]
-                n_found = _keep(z, problem, kind, most, found, n_found, spent)
-    return n_found
+                n_starts = _add(out, starts, n_starts)
+    return n_starts
 
 
 @njit(cache=True, no_cfunc_wrapper=True, nogil=True)

@@ -252,7 +252,7 @@ def _problem(
 def _solve_rows(
     rows: FloatArray, kind: int, max_inflections: int, *, workers: int | None, stability: bool, most: int | None = None
 ) -> BoundaryBatch:
-    """All solutions of `rows` (n, 7), see `kernels.boundary_batch.solve_rows`; starts in (0, 0)."""
+    """All solutions of `rows` (n, 7), see `kernels.boundary_batch.scan_rows`; starts in (0, 0)."""
     if max_inflections < 0:
         raise InvalidInputError(f"max_inflections = {max_inflections}; allowed are whole numbers from 0 on")
     n, m = len(rows), 8 + 8 * max_inflections if most is None else int(most)
@@ -261,9 +261,15 @@ def _solve_rows(
     count, status, evaluations = (np.zeros(n, dtype=np.int64) for _ in range(3))
     parameters, margin = np.full((n, m, 7), np.nan), np.full((n, m), np.nan)
 
+    jobs = kernel.jobs_of(kind, max_inflections)
+
     def work(part: slice) -> None:
         out = found[part]
-        kernel.solve_rows(rows[part], kind, max_inflections, _BUDGET, out, count[part], status[part], evaluations[part])
+        size = len(out)
+        starts, n_starts = np.empty((size, 16 + 24 * (max_inflections + 1), 4)), np.empty(size, dtype=np.int64)
+        state = status[part]
+        kernel.scan_rows(rows[part], kind, max_inflections, jobs, _BUDGET, starts, n_starts, state, evaluations[part])
+        kernel.finish_rows(rows[part], kind, max_inflections, starts, n_starts, out, count[part], state)
         there = np.arange(m) < count[part, None]
         parameters[part, :, :2][there] = 0.0
         parameters[part, :, 2:6] = out[:, :, :4]
