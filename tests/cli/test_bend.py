@@ -13,7 +13,8 @@ from batten.cli.bend import end_of, length_of
 from batten.cli.main import main
 from batten.curves.elastica import Elastica
 from batten.errors import InvalidInputError, NoSolutionError
-from batten.io.bend_json import StoredSolution, read_bend_json
+from batten.io.bend_json import read_bend_json
+from batten.solvers.boundary_value import BoundarySolution
 
 ROD = Path(__file__).parents[2] / "examples/bend/rod.toml"
 ENDS = ("--start", "-1,0,0", "--end", "0.5,-.2,30deg")
@@ -30,7 +31,7 @@ def solver(monkeypatch):
         fake.act()
         arcs = [Elastica(start, start_angle, k / length, (0.0, 0.0), length) for k in (2.0, -1.0)]
         return [
-            StoredSolution(arc, arc.bending_energy(), 0, k / (2 * math.pi), stable, margin, 0.0)
+            BoundarySolution(arc, arc.bending_energy(), 0, k / (2 * math.pi), stable, margin, 0.0)
             for arc, k, stable, margin in zip(arcs, (2.0, -1.0), (False, True), (0.5, math.inf))
         ]
 

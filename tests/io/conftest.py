@@ -9,8 +9,8 @@ import pytest
 from batten.curves.elastica import Elastica
 from batten.fabrication.rod import Rod
 from batten.fabrication.section import RoundSection
-from batten.io.bend_json import StoredSolution
 from batten.io.bend_numbers import BendProblem
+from batten.solvers.boundary_value import BoundarySolution
 
 # Found once by shooting with scipy: curvature at the start, force, inflections, stable or not, margin.
 _SHAPES = (
@@ -31,7 +31,7 @@ def bent():
         turned = float(curve.angle_at(problem.length)) - problem.start_angle
         miss = math.dist(curve.point_at(problem.length), problem.end) / problem.length
         energy = curve.bending_energy()
-        solutions.append(StoredSolution(curve, energy, inflections, turned / (2 * math.pi), stable, margin, miss))
+        solutions.append(BoundarySolution(curve, energy, inflections, turned / (2 * math.pi), stable, margin, miss))
     rod = Rod(1000.0, RoundSection(3.0), 200000.0, 0.008)
     by_energy = sorted(solutions, key=lambda s: s.energy)
     return SimpleNamespace(problem=problem, solutions=solutions, by_energy=by_energy, rod=rod)

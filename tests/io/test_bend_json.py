@@ -10,8 +10,9 @@ import pytest
 from batten.errors import BattenError, FormatError, InvalidInputError
 from batten.fabrication.rod import Rod
 from batten.fabrication.section import FlatSection, TubeSection
-from batten.io.bend_json import StoredSolution, bend_json, read_bend_json
+from batten.io.bend_json import bend_json, read_bend_json
 from batten.io.bend_numbers import BendProblem, bend_numbers
+from batten.solvers.boundary_value import BoundarySolution
 
 
 def bits(value):
@@ -36,7 +37,7 @@ def test_what_was_written_comes_back_bit_by_bit(bent, write):
     assert len(stored.solutions) == 4
     for back, was in zip(stored.solutions, bent.by_energy):
         assert [bits(v) for v in back.elastica.parameters] == [bits(v) for v in was.elastica.parameters]
-        for field in dataclasses.fields(StoredSolution)[1:]:
+        for field in dataclasses.fields(BoundarySolution)[1:]:
             value, expected = getattr(back, field.name), getattr(was, field.name)
             assert type(value) is type(expected)
             assert bits(value) == bits(expected)

@@ -8,8 +8,8 @@ import pytest
 from batten.curves.elastica import Elastica
 from batten.fabrication.rod import Rod
 from batten.fabrication.section import RoundSection
-from batten.io.bend_json import StoredSolution
 from batten.io.bend_table import bend_lines
+from batten.solvers.boundary_value import BoundarySolution
 
 
 def numbers(line):
@@ -53,5 +53,5 @@ def test_no_shapes_and_noise_near_zero(bent):
         "length 1000 from (0, 0), 60° to (600, 100), −30°, any winding: no shape",
     ]
     circle = Elastica((0, 0), 0.0, 2 * math.pi / 1000, (1e-20, -1e-19), 1000.0)
-    row = bend_lines(bent.problem, [StoredSolution(circle, 0.04, 0, -1e-17, True, 2.0, 0.0)])[2]
+    row = bend_lines(bent.problem, [BoundarySolution(circle, 0.04, 0, -1e-17, True, 2.0, 0.0)])[2]
     assert row.split()[5:9] == ["0.00000", "2.000", "0", "0"]

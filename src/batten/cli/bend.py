@@ -16,18 +16,21 @@ from batten.errors import InvalidInputError, NoSolutionError
 _END = "X,Y,ANGLE"
 _NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 
+LengthOption = Annotated[
+    str | None,
+    typer.Option(metavar="L", help="The rod's length between the two ends; without it, that of the rod file."),
+]
+RodOption = Annotated[
+    Path | None,
+    typer.Option(metavar="ROD.toml", help="The rod, for N and J; lengths are mm then. A job file will do."),
+]
+
 
 def bend(
     start: Annotated[str, typer.Option(metavar=_END, help="Where the rod starts, and its direction there.")],
     end: Annotated[str, typer.Option(metavar=_END, help="Where it ends, and its direction there.")],
-    length: Annotated[
-        str | None,
-        typer.Option(metavar="L", help="The rod's length between the two ends; without it, that of the rod file."),
-    ] = None,
-    rod: Annotated[
-        Path | None,
-        typer.Option(metavar="ROD.toml", help="The rod, for N and J; lengths are mm then. A job file will do."),
-    ] = None,
+    length: LengthOption = None,
+    rod: RodOption = None,
     max_inflections: Annotated[
         int, typer.Option(metavar="N", help="The most inflections that are searched for.", show_default=True)
     ] = 2,

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import ipaddress
 import re
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from batten.cli.bend import length_of
+from batten.cli.bend import LengthOption, RodOption, length_of
 from batten.errors import InvalidInputError
 
 if TYPE_CHECKING:
@@ -21,14 +20,8 @@ if TYPE_CHECKING:
 
 
 def live(
-    length: Annotated[
-        str | None,
-        typer.Option(metavar="L", help="The rod's length between the two ends; without it, that of the rod file."),
-    ] = None,
-    rod: Annotated[
-        Path | None,
-        typer.Option(metavar="ROD.toml", help="The rod, for N and J; lengths are mm then. A job file will do."),
-    ] = None,
+    length: LengthOption = None,
+    rod: RodOption = None,
     listen: Annotated[
         str | None,
         typer.Option(metavar="127.0.0.1:PORT", help="Serve websocket clients instead of stdin; port 0: a free one."),

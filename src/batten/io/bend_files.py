@@ -42,9 +42,9 @@ def write_bend(
     Example:
         >>> import math, tempfile
         >>> from batten.curves.elastica import Elastica
-        >>> from batten.io.bend_json import StoredSolution
+        >>> from batten.solvers.boundary_value import BoundarySolution
         >>> half = Elastica((0, 0), math.pi / 2, -math.pi, (0, 0), 1.0)
-        >>> solution = StoredSolution(half, math.pi**2, 0, -0.5, True, 2.0, 0.0)
+        >>> solution = BoundarySolution(half, math.pi**2, 0, -0.5, True, 2.0, 0.0)
         >>> problem = BendProblem((0.0, 0.0), math.pi / 2, (2 / math.pi, 0.0), -math.pi / 2, 1.0)
         >>> with tempfile.TemporaryDirectory() as folder:
         ...     for name in ("half.svg", "half.json"):

@@ -20,6 +20,7 @@ from batten.fabrication.rod import Rod
 from batten.fabrication.section import FlatSection, RoundSection, TubeSection, section_of_sizes
 from batten.io.bend_numbers import BendNumbers, BendProblem, BendSolution, BentRod, bend_numbers
 from batten.io.software import software_name
+from batten.solvers.boundary_value import BoundarySolution
 
 FORMAT = "batten bend"
 SCHEMA = 1
@@ -29,24 +30,11 @@ _Item = TypeVar("_Item")
 
 
 @dataclass(frozen=True)
-class StoredSolution:
-    """A solution as the file holds it; the fields are those of `batten.solvers.boundary_value.BoundarySolution`."""
-
-    elastica: Elastica
-    energy: float
-    inflections: int
-    rotation_number: float
-    stable: bool
-    margin: float
-    residual: float
-
-
-@dataclass(frozen=True)
 class StoredBend:
     """What the file holds: the problem, its solutions by energy, the rod if there is one, and which batten wrote it."""
 
     problem: BendProblem
-    solutions: tuple[StoredSolution, ...]
+    solutions: tuple[BoundarySolution, ...]
     rod: Rod | None
     software: str
 
@@ -68,7 +56,7 @@ def bend_json(problem: BendProblem, solutions: Sequence[BendSolution], rod: Rod 
 
     Example:
         >>> problem = BendProblem((0.0, 0.0), 0.0, (1.0, 0.0), 0.0, 1.0)
-        >>> line = StoredSolution(Elastica((0, 0), 0.0, 0.0, (0, 0), 1.0), 0.0, 0, 0.0, True, math.inf, 0.0)
+        >>> line = BoundarySolution(Elastica((0, 0), 0.0, 0.0, (0, 0), 1.0), 0.0, 0, 0.0, True, math.inf, 0.0)
         >>> json.loads(bend_json(problem, [line]))["solutions"][0]["margin"]
         'Infinity'
     """
@@ -187,8 +175,8 @@ def _bent_out(bent: BentRod) -> dict[str, Any]:
     return dataclasses.asdict(bent) | {"too_strained": bent.too_strained}
 
 
-def _solution_in(data: Mapping[str, Any]) -> StoredSolution:
-    return StoredSolution(
+def _solution_in(data: Mapping[str, Any]) -> BoundarySolution:
+    return BoundarySolution(
         elastica=Elastica.from_parameters([float(v) for v in data["parameters"]]),
         energy=_number(data["energy"]),
         inflections=int(data["inflections"]),

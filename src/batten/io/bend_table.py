@@ -26,9 +26,9 @@ def bend_lines(problem: BendProblem, solutions: Sequence[BendSolution], rod: Rod
 
     Example:
         >>> from batten.curves.elastica import Elastica
-        >>> from batten.io.bend_json import StoredSolution
+        >>> from batten.solvers.boundary_value import BoundarySolution
         >>> half = Elastica((0, 0), math.pi / 2, -math.pi, (0, 0), 1.0)
-        >>> solution = StoredSolution(half, math.pi**2, 0, -0.5, True, 2.0, 0.0)
+        >>> solution = BoundarySolution(half, math.pi**2, 0, -0.5, True, 2.0, 0.0)
         >>> problem = BendProblem((0.0, 0.0), math.pi / 2, (2 / math.pi, 0.0), -math.pi / 2, 1.0)
         >>> for line in bend_lines(problem, [solution]): print(line)
         length 1 from (0, 0), 90° to (0.636619772, 0), −90°: 1 shape, 1 of them stable

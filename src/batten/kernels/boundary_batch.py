@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from batten.kernels.boundary_polish import (
     ANGLES,
@@ -45,7 +46,7 @@ CLOSED = 1e-12
 _FIGURE_EIGHT = 0.9089085575485414  # the modulus with 2E = K
 
 
-def jobs_of(kind, most):
+def jobs_of(kind: int, most: int) -> NDArray[np.int64]:
     """What `scan_rows` is to search for a kind of ends and at most so many inflections: (n, 5) integers."""
     if kind in (START_CURVATURE, END_CURVATURE, CURVATURES):
         chart = CURVATURE_CURVATURE if kind == CURVATURES else CURVATURE_ANGLE
