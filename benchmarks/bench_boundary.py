@@ -28,7 +28,7 @@ COUNT, BY_BVP, BY_SPLINE, BATCH = 2000, 60, 12, 100_000
 
 def problems(count: int) -> tuple[np.ndarray, np.ndarray]:
     """Parameters (count, 7) of random elastica that start along x in (0, 0), and their end states (count, 4)."""
-    rows = np.array([[0.0, *standard_numbers(random_elastica(0, i))] for i in range(count)])
+    rows = np.array([[0.0, *standard_numbers(random_elastica(0, i).parameters)] for i in range(count)])
     segments = np.column_stack([rows[:, :1] * 0, rows[:, :1] * 0, rows[:, 1:], np.ones(count)])
     return segments, states_along(segments, segments[:, 6:])[:, 0]
 

@@ -76,11 +76,16 @@ def brute_force(angle, goal, *, end=ANGLE, starts=3000, seed=0, steps=120):
     z = np.column_stack([kappa, lam * np.cos(phi), lam * np.sin(phi)])
     misses = np.empty(starts)
     _all(z, angle, np.asarray(goal, dtype=float), end, steps, 25, misses)
-    found = []
+    coarse, found = [], []
     for row in z[misses < 1e-9]:
         bend = 1 + abs(row[0]) + np.sqrt(np.hypot(row[1], row[2]))
-        if all(difference(row, other, bend) > 1e-4 for other in found):
-            found.append(row)
+        if all(difference(row, other, bend) > 1e-4 for other in coarse):
+            coarse.append(row.copy())
+    for row in coarse:  # with the coarse step some stiff curves only seem to arrive
+        if newton(row, angle, np.asarray(goal, dtype=float), end, 20 * steps, 25) < 1e-8:
+            bend = 1 + abs(row[0]) + np.sqrt(np.hypot(row[1], row[2]))
+            if all(difference(row, other, bend) > 1e-4 for other in found):
+                found.append(row)
     return np.array(found).reshape(-1, 3)
 
 

@@ -6,10 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from batten.curves.elastica import Elastica, states_along
+from batten.curves.elastica import Elastica
 from batten.errors import InvalidInputError, NoSolutionError
 from batten.kernels import snap_error as kernel
-from batten.solvers.track import RodTracker
+from batten.solvers.track import RodTracker, end_poses, standard_numbers
 from batten.typing import ArrayLike, FloatArray
 
 
@@ -86,18 +86,11 @@ def snap_errors(parameters: ArrayLike, *, reach: float | None = None, turn_reach
         raise InvalidInputError(f"reach = {reach!r}, turn_reach = {turn_reach!r}; both must be above 0")
     rows = np.ascontiguousarray(p.reshape(-1, 7))
     length, angle = rows[:, 6], rows[:, 2]
+    starts, poses = standard_numbers(rows), end_poses(rows)
+    chord = (poses[:, 3:5] - poses[:, :2]) / length[:, None]
     cos, sin = np.cos(angle), np.sin(angle)
-    ends = states_along(rows, rows[:, 6:])[:, 0]
-    x, y = (ends[:, 0] - rows[:, 0]) / length, (ends[:, 1] - rows[:, 1]) / length
-    goals = np.stack([cos * x + sin * y, cos * y - sin * x, ends[:, 2] - angle], axis=-1)
-    starts = np.stack(
-        [
-            np.zeros(len(rows)),
-            rows[:, 3] * length,
-            (cos * rows[:, 4] + sin * rows[:, 5]) * length**2,
-            (cos * rows[:, 5] - sin * rows[:, 4]) * length**2,
-        ],
-        axis=-1,
+    goals = np.stack(
+        [cos * chord[:, 0] + sin * chord[:, 1], cos * chord[:, 1] - sin * chord[:, 0], poses[:, 5] - angle], axis=-1
     )
     out = np.empty((len(rows), 4))
     far = np.full(len(rows), 0.5) if reach is None else reach / length
@@ -123,9 +116,7 @@ def snapped_shape(elastica: Elastica, error: SnapError) -> Elastica:
     """
     if not np.isfinite(error.turn):
         raise NoSolutionError("the rod does not snap at any turn of its ends that was tried")
-    end = elastica.point_at(elastica.length)
-    end_angle = float(elastica.angle_at(elastica.length))
-    first = np.array([*elastica.start, elastica.start_angle, *end, end_angle])
+    first = end_poses(elastica.parameters)
     last = first.copy()
     last[2 if error.turned == "start" else 5] += 1.02 * error.turn
     tracker = RodTracker(elastica.length, solution=elastica)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from batten.curves.elastica import Elastica
+from batten.curves.elastica import Elastica, states_at
 from batten.errors import ConvergenceError, InvalidInputError, NoSolutionError
 from batten.kernels import boundary_track as kernel
 from batten.kernels.boundary_polish import ANGLES, LENGTH, PROBLEM, polish
@@ -93,7 +93,7 @@ class RodTracker:
         self.length = float(length)
         self.max_inflections = max_inflections
         self._pose: FloatArray | None = None
-        self._z = np.zeros(4) if solution is None else standard_numbers(solution)
+        self._z = np.zeros(4) if solution is None else standard_numbers(solution.parameters)
         self._given = solution is not None
 
     def move(self, pose: ArrayLike) -> TrackedPose:
@@ -133,7 +133,7 @@ class RodTracker:
                     z, share = leap
                     continue
             snap = self._fall(here, self._pose, p, share)
-            z = standard_numbers(snap.after)
+            z = standard_numbers(snap.after.parameters)
             share = min(share + _BEYOND, 1.0)
         else:
             raise ConvergenceError(
@@ -145,10 +145,8 @@ class RodTracker:
 
     def _begin(self, pose: FloatArray) -> TrackedPose:
         if self._given:
-            elastica = self._elastica(self._z, pose, pose, 0.0)
-            ends = elastica.point_at([0.0, self.length])
-            miss = float(np.hypot(*(ends[1] - pose[3:5]))) / self.length
-            turn = float(elastica.angle_at(self.length)) - pose[5]
+            reached = end_poses(self._elastica(self._z, pose, pose, 0.0).parameters)
+            miss, turn = float(np.hypot(*(reached - pose)[3:5])) / self.length, float(reached[5] - pose[5])
             if max(miss, abs(turn)) > 1e-6:
                 raise InvalidInputError(
                     f"the solution given ends {miss:.3g} lengths and {turn:.3g} rad away from the first pose's end; give an "
@@ -161,7 +159,7 @@ class RodTracker:
                     f"no stable shape with at most {self.max_inflections} inflections between the ends of {pose.tolist()}; "
                     "move the ends, or allow more inflections"
                 )
-            self._z = standard_numbers(chosen.elastica)
+            self._z = standard_numbers(chosen.elastica.parameters)
         self._pose = pose
         return self._state(self._elastica(self._z, pose, pose, 0.0), None, np.zeros(2, dtype=np.int64))
 
@@ -201,7 +199,7 @@ class RodTracker:
             stable = [s.elastica for s in self._all(pose) if s.stable]
             apart = [float(np.abs(e.angle_at(fractions) - shape).max()) for e in stable]
             if apart and min(apart) <= _STIFF_TURN + turned:
-                return standard_numbers(stable[int(np.argmin(apart))]), there
+                return standard_numbers(stable[int(np.argmin(apart))].parameters), there
         return None
 
     def _check_reach(self, first: FloatArray, last: FloatArray) -> None:
@@ -253,22 +251,22 @@ def track_boundary(
     return [tracker.move(row) for row in rows]
 
 
-def standard_numbers(elastica: Elastica) -> FloatArray:
-    """(0, κ₀, λ₁, λ₂) of the curve scaled to length 1 and turned so that it starts along x; shape (4,)."""
-    length, force = elastica.length, elastica.force
-    cos, sin = np.cos(elastica.start_angle), np.sin(elastica.start_angle)
-    return np.array(
-        [
-            0.0,
-            elastica.start_curvature * length,
-            (cos * force[0] + sin * force[1]) * length**2,
-            (cos * force[1] - sin * force[0]) * length**2,
-        ]
-    )
+def standard_numbers(parameters: ArrayLike) -> FloatArray:
+    """(0, κ₀, λ₁, λ₂) of elastica (…, 7) scaled to length 1 and turned so that they start along x; shape (…, 4)."""
+    _, _, angle, kappa, fx, fy, length = np.moveaxis(np.asarray(parameters, dtype=np.float64), -1, 0)
+    cos, sin = np.cos(angle), np.sin(angle)
+    along, across = (cos * fx + sin * fy) * length**2, (cos * fy - sin * fx) * length**2
+    return np.stack([np.zeros_like(angle), kappa * length, along, across], axis=-1)
+
+
+def end_poses(parameters: ArrayLike) -> FloatArray:
+    """Start x, y, angle, end x, y, angle of elastica (…, 7); shape (…, 6)."""
+    rows = np.asarray(parameters, dtype=np.float64)
+    return np.concatenate([rows[..., :3], states_at(rows, rows[..., 6])[..., :3]], axis=-1)
 
 
 def placed(z: FloatArray, pose: FloatArray, length: float) -> Elastica:
-    """The inverse of `standard_numbers`, started at a pose (6,)."""
+    """The inverse of `standard_numbers` for one curve, started at a pose (6,)."""
     cos, sin = np.cos(pose[2]), np.sin(pose[2])
     force = np.array([cos * z[2] - sin * z[3], sin * z[2] + cos * z[3]]) / length**2
     return Elastica(pose[:2], float(pose[2]), float(z[1]) / length, force, length)

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from batten.curves.elastica import states_along
 from batten.fabrication.checks.context import CheckContext, worst_of_pairs
 from batten.fabrication.plan import CheckResult
 from batten.kernels.boundary_track import follow_batch
 from batten.solvers.snap_error import snap_errors
 from batten.solvers.stability import margins
-from batten.solvers.track import standard_numbers
+from batten.solvers.track import end_poses, standard_numbers
 from batten.typing import BoolArray, FloatArray
 
 REACH = 3.0
@@ -102,8 +101,7 @@ def held_shares(context: CheckContext, stable: BoolArray) -> FloatArray:
     if len(earlier) == 0:
         return np.empty(0)
     parameters = context.rod_parameters
-    shapes = np.array([standard_numbers(r.rod) for r in context.rods])
-    poses = np.concatenate([parameters[:, :3], states_along(parameters, parameters[:, 6:])[:, 0, :3]], axis=1)
+    shapes, poses = standard_numbers(parameters), end_poses(parameters)
     first, last = poses[earlier], poses[later]
     angles = [2, 5]  # of the start and the end
     last[:, angles] += 2.0 * np.pi * np.round((first - last)[:, angles] / (2.0 * np.pi))
@@ -130,10 +128,10 @@ def _snap_errors(context: CheckContext) -> tuple[FloatArray, FloatArray]:
     rods, reach, turn_reach = context.rod_parameters, _reach_mm(context), float(np.radians(_reach_deg(context)))
     errors = snap_errors(rods, reach=reach, turn_reach=turn_reach)
     shift, length = errors[:, 0], rods[:, 6]
-    ends = states_along(rods, length[:, None] * [0.0, 1.0])
-    chord = ends[:, 1, :2] - ends[:, 0, :2]
+    poses = end_poses(rods)
+    chord = poses[:, 3:5] - poses[:, :2]
     slack = np.maximum(length - np.hypot(*chord.T), 0.0)
-    against = ends[..., 2] - np.arctan2(chord[:, 1], chord[:, 0])[:, None]
+    against = poses[:, [2, 5]] - np.arctan2(chord[:, 1], chord[:, 0])[:, None]
     against = np.abs(np.mod(against + np.pi, 2.0 * np.pi) - np.pi).max(axis=1)
     flat = (slack < reach) & (against < _TWO_SHAPES * np.sqrt(slack / length)) & np.isinf(shift)
     if flat.any():
