@@ -11,6 +11,7 @@ from batten.curves.elastica import Elastica
 from batten.errors import InvalidInputError
 from batten.fabrication.rod import Rod, greatest_curvature
 from batten.io.drawn_curve import DrawnCurve
+from batten.solvers.snap_error import snap_error
 
 
 @dataclass(frozen=True)
@@ -114,6 +115,8 @@ class BentRod:
         strain: greatest strain anywhere on the rod.
         max_strain: what the rod bears.
         least_radius_mm: least radius of curvature; infinite for a straight rod.
+        snap_shift_mm, snap_turn_deg: the least error of a gripper's position, and of its angle, at which the rod snaps to
+            another shape (`solvers.snap_error`); infinite if there is none, 0 for an unstable rod.
     """
 
     force_n: tuple[float, float]
@@ -124,6 +127,8 @@ class BentRod:
     strain: float
     max_strain: float
     least_radius_mm: float
+    snap_shift_mm: float
+    snap_turn_deg: float
 
     @property
     def too_strained(self) -> bool:
@@ -185,6 +190,7 @@ def bent_rod(curve: Elastica, rod: Rod) -> BentRod:
         (0.00375, True, 400.0)
     """
     stiffness, loads, most = rod.bending_stiffness_nmm2, rod.loads(curve), greatest_curvature(curve)
+    error = snap_error(curve)
     return BentRod(
         force_n=(stiffness * float(curve.force[0]), stiffness * float(curve.force[1])),
         force_size_n=loads.force_n,
@@ -194,6 +200,8 @@ def bent_rod(curve: Elastica, rod: Rod) -> BentRod:
         strain=float(rod.strain(most)),
         max_strain=rod.max_strain,
         least_radius_mm=1.0 / most if most > 0.0 else math.inf,
+        snap_shift_mm=error.shift,
+        snap_turn_deg=math.degrees(abs(error.turn)),
     )
 
 
@@ -224,5 +232,7 @@ def _texts(row: BendNumbers) -> dict[str, str]:
             "energy_j": bent.energy_j,
             "strain": bent.strain,
             "least_radius_mm": bent.least_radius_mm,
+            "snap_shift_mm": bent.snap_shift_mm,
+            "snap_turn_deg": bent.snap_turn_deg,
         }
     return {key: value if isinstance(value, str) else f"{value:.9g}" for key, value in texts.items()}

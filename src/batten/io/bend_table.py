@@ -14,7 +14,8 @@ def bend_lines(problem: BendProblem, solutions: Sequence[BendSolution], rod: Rod
 
     The first table: number; whether it is stable; L∫κ² ds, free of scale, and ∫κ² ds in 1/length; inflections; rotation
     number (θ(L) − θ(0))/2π; margin; force (λ₁, λ₂) and moments κ at both ends, for EI = 1. The second: size of the force at
-    either gripper, moments EI·κ, energy ½EI∫κ² ds, greatest strain (with "!" where it is above the rod's), least radius.
+    either gripper, moments EI·κ, energy ½EI∫κ² ds, greatest strain (with "!" where it is above the rod's), least radius,
+    and the least shift and turn of a gripper at which the rod snaps (0 for an unstable rod, ∞ where it bears every one).
 
     Parameters:
         problem: what was asked.
@@ -54,7 +55,17 @@ _SHAPE_HEAD_MM = [
     *("no", "stable", "L·∫κ²", "∫κ² 1/mm", "inflections", "turns", "margin"),
     *("force λ₁ 1/mm²", "λ₂", "κ start 1/mm", "κ end"),
 ]
-_ROD_HEAD = ["no", "force N", "moment start N·mm", "end N·mm", "energy J", "strain %", "least radius mm"]
+_ROD_HEAD = [
+    "no",
+    "force N",
+    "moment start N·mm",
+    "end N·mm",
+    "energy J",
+    "strain %",
+    "least radius mm",
+    "snaps at mm",
+    "or at °",
+]
 _LEFT = ("stable",)
 _NOISE = 1e-11  # forces and curvatures below this, for length 1, are zero but for rounding
 
@@ -103,6 +114,8 @@ def _rod_cells(number: int, bent: BentRod) -> list[str]:
         text_of(bent.energy_j, 5),
         f"{100.0 * bent.strain:.4f}" + (" !" if bent.too_strained else "  "),
         text_of(bent.least_radius_mm, 5),
+        text_of(bent.snap_shift_mm, 4),
+        text_of(bent.snap_turn_deg, 4),
     ]
 
 
