@@ -187,3 +187,21 @@ def test_for_real(capsys, tmp_path):
     status, out, err = run(capsys, "--start", "0,0,0", "--end", "3,0,0", "--length", "2")
     assert (status, out) == (1, "")
     assert err.count("\n") == 1
+
+
+def test_pinned_ends(tmp_path, capsys):
+    out = [tmp_path / f"bent.{kind}" for kind in ("json", "svg", "png", "3dm", "dxf")]
+    files = [word for path in out for word in ("-o", str(path))]
+    assert main(["bend", "--start", "0,0,pinned", "--end", "800,0,-0.2", "--length", "1000", *files]) == 0
+    printed = capsys.readouterr().out
+    assert "from (0, 0), pinned to (800, 0), −11.4592°" in printed
+    stored = read_bend_json(out[0])
+    assert stored.problem.start_angle is None
+    assert {s.ends for s in stored.solutions} == {"pinned-clamped"}
+    assert all(abs(s.elastica.start_curvature) * 1000 < 1e-9 for s in stored.solutions)
+    assert all(path.stat().st_size > 0 for path in out)
+    rod = str(ROD)
+    assert main(["bend", "--start", "0,0,pinned", "--end", "800,0,pinned", "--rod", rod, "--max-inflections", "0"]) == 0
+    assert capsys.readouterr().out.rstrip().splitlines()[-2].split()[-2:] == ["–", "–"]
+    assert main(["bend", "--start", "0,0,pined", "--end", "800,0,0", "--length", "1000"]) == 2
+    assert "or pinned" in capsys.readouterr().err

@@ -47,7 +47,8 @@ def bend(
 ) -> None:
     """All shapes of a rod of given length between two ends with given directions: energies, forces, stability.
 
-    Angles are radians, or degrees as in 30deg; counter-clockwise from the x axis. The shapes are numbered by energy.
+    Angles are radians, or degrees as in 30deg; counter-clockwise from the x axis; `pinned` for an end that turns freely. The
+    shapes are numbered by energy.
 
     Exit status: 0 there is a shape; 1 there is none; 2 bad input.
     """
@@ -92,8 +93,8 @@ def bend(
         typer.echo("\n".join([*bend_lines(problem, solutions, bent), *(f"written: {path}" for path in out or [])]))
 
 
-def end_of(text: str, option: str) -> tuple[float, float, float]:
-    """x, y and the direction in radians, of "X,Y,ANGLE".
+def end_of(text: str, option: str) -> tuple[float, float, float | None]:
+    """x, y and the direction in radians, of "X,Y,ANGLE"; None for "X,Y,pinned".
 
     Raises:
         InvalidInputError: not three numbers, the last with `deg`, `rad` or nothing after it; the message names the field.
@@ -109,7 +110,7 @@ def end_of(text: str, option: str) -> tuple[float, float, float]:
             f"with commas in between; try {option} 0,0,30deg"
         )
     x, y = (_number(part, f"{option} {text!r}: {name}") for part, name in zip(parts, "XY"))
-    return x, y, _angle(parts[2], f"{option} {text!r}: ANGLE")
+    return x, y, None if parts[2] == "pinned" else _angle(parts[2], f"{option} {text!r}: ANGLE")
 
 
 def length_of(text: str) -> float:
@@ -140,6 +141,6 @@ def _angle(text: str, where: str) -> float:
     value = float(found[1]) if found else math.nan
     if found is None or not math.isfinite(value):
         raise InvalidInputError(
-            f"{where} = {text!r}: allowed are finite numbers such as 30deg, 0.5rad or 0.5 (radians)"
+            f"{where} = {text!r}: allowed are finite numbers such as 30deg, 0.5rad or 0.5 (radians), or pinned"
         )
     return math.radians(value) if found[2] == "deg" else value

@@ -12,7 +12,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, get_args
 
 from batten.curves.elastica import Elastica
 from batten.errors import FormatError, InvalidInputError
@@ -21,6 +21,7 @@ from batten.fabrication.section import FlatSection, RoundSection, TubeSection, s
 from batten.io.bend_numbers import BendNumbers, BendProblem, BendSolution, BentRod, bend_numbers
 from batten.io.software import software_name
 from batten.solvers.boundary_value import BoundarySolution
+from batten.solvers.stability import Ends
 
 FORMAT = "batten bend"
 SCHEMA = 1
@@ -163,6 +164,7 @@ def _solution_out(row: BendNumbers) -> dict[str, Any]:
             "stable": bool(solution.stable),
             "margin": float(solution.margin),
             "residual": float(solution.residual),
+            "ends": str(solution.ends),
             "force": row.force,
             "curvature_start": row.curvature_start,
             "curvature_end": row.curvature_end,
@@ -184,7 +186,15 @@ def _solution_in(data: Mapping[str, Any]) -> BoundarySolution:
         stable=bool(data["stable"]),
         margin=_number(data["margin"]),
         residual=_number(data["residual"]),
+        ends=_ends_in(data["ends"]),
     )
+
+
+def _ends_in(text: str) -> Ends:
+    for ends in get_args(Ends):
+        if text == ends:
+            return ends  # type: ignore[no-any-return]
+    raise ValueError(f"ends = {text!r}; allowed are {', '.join(get_args(Ends))}")
 
 
 def _problem_in(data: Mapping[str, Any]) -> BendProblem:

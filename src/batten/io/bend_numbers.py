@@ -12,6 +12,7 @@ from batten.errors import InvalidInputError
 from batten.fabrication.rod import Rod, greatest_curvature
 from batten.io.drawn_curve import DrawnCurve
 from batten.solvers.snap_error import snap_error
+from batten.solvers.stability import Ends
 
 
 @dataclass(frozen=True)
@@ -20,9 +21,9 @@ class BendProblem:
 
     Parameters:
         start: (x, y), any unit of length; mm where a rod is given.
-        start_angle: tangent angle there, radians.
+        start_angle: tangent angle there, radians; None for a pin, about which the rod turns freely.
         end: (x, y).
-        end_angle: tangent angle there, radians; with its turns unless `end_angle_modulo`.
+        end_angle: tangent angle there, radians, with its turns unless `end_angle_modulo`; or None.
         length: arc length, above 0.
         max_inflections: the most changes of curvature's sign that are searched for, 0 or more.
         max_turns: the most full turns that are searched for, 0 or more.
@@ -37,9 +38,9 @@ class BendProblem:
     """
 
     start: tuple[float, float]
-    start_angle: float
+    start_angle: float | None
     end: tuple[float, float]
-    end_angle: float
+    end_angle: float | None
     length: float
     max_inflections: int = 2
     max_turns: int = 1
@@ -52,6 +53,8 @@ class BendProblem:
                 raise InvalidInputError(f"{name} = {getattr(self, name)!r}; allowed are two finite numbers, x and y")
             object.__setattr__(self, name, values)
         for name in ("start_angle", "end_angle", "length"):
+            if getattr(self, name) is None and name != "length":
+                continue
             object.__setattr__(self, name, float(getattr(self, name)))
             if not math.isfinite(getattr(self, name)):
                 raise InvalidInputError(f"{name} = {getattr(self, name)!r}; allowed are finite numbers")
@@ -102,6 +105,10 @@ class BendSolution(Protocol):
     def residual(self) -> float:
         """How far the end conditions are missed, over the length."""
 
+    @property
+    def ends(self) -> Ends:
+        """Which ends are clamped."""
+
 
 @dataclass(frozen=True)
 class BentRod:
@@ -116,7 +123,7 @@ class BentRod:
         max_strain: what the rod bears.
         least_radius_mm: least radius of curvature; infinite for a straight rod.
         snap_shift_mm, snap_turn_deg: the least error of a gripper's position, and of its angle, at which the rod snaps to
-            another shape (`solvers.snap_error`); infinite if there is none, 0 for an unstable rod.
+            another shape (`solvers.snap_error`); infinite if there is none, 0 for an unstable rod, NaN with a pinned end.
     """
 
     force_n: tuple[float, float]
@@ -173,11 +180,15 @@ def bend_numbers(solutions: Sequence[BendSolution], rod: Rod | None = None) -> l
         first, last = (float(k) for k in curve.curvature_at([0.0, curve.length]))
         force = (float(curve.force[0]), float(curve.force[1]))
         scaled = curve.length * float(solution.energy)
-        rows.append(BendNumbers(number, solution, scaled, force, first, last, bent_rod(curve, rod) if rod else None))
+        rows.append(
+            BendNumbers(
+                number, solution, scaled, force, first, last, bent_rod(curve, rod, solution.ends) if rod else None
+            )
+        )
     return rows
 
 
-def bent_rod(curve: Elastica, rod: Rod) -> BentRod:
+def bent_rod(curve: Elastica, rod: Rod, ends: Ends = "clamped") -> BentRod:
     """What a rod feels in the shape of an elastica in mm.
 
     Degenerate: along a straight rod the force is not determined by the shape; the one stored in the elastica counts.
@@ -190,7 +201,7 @@ def bent_rod(curve: Elastica, rod: Rod) -> BentRod:
         (0.00375, True, 400.0)
     """
     stiffness, loads, most = rod.bending_stiffness_nmm2, rod.loads(curve), greatest_curvature(curve)
-    error = snap_error(curve)
+    error = snap_error(curve) if ends == "clamped" else None
     return BentRod(
         force_n=(stiffness * float(curve.force[0]), stiffness * float(curve.force[1])),
         force_size_n=loads.force_n,
@@ -200,8 +211,8 @@ def bent_rod(curve: Elastica, rod: Rod) -> BentRod:
         strain=float(rod.strain(most)),
         max_strain=rod.max_strain,
         least_radius_mm=1.0 / most if most > 0.0 else math.inf,
-        snap_shift_mm=error.shift,
-        snap_turn_deg=math.degrees(abs(error.turn)),
+        snap_shift_mm=math.nan if error is None else error.shift,
+        snap_turn_deg=math.nan if error is None else math.degrees(abs(error.turn)),
     )
 
 

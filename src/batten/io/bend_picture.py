@@ -23,6 +23,7 @@ from batten.typing import FloatArray
 INK, SOFT, FAINT, RED = "#1c2733", "#66727f", "#dfe3e7", "#ba2c34"
 WIDTH_IN, DPI = 8.0, 150.0
 """1200 pixels."""
+_JAW_CORNERS = 8
 _SAMPLES = 401
 _ROW_IN = 0.235
 _STYLE: dict[str, Any] = {
@@ -94,11 +95,12 @@ def _figure(problem: BendProblem, rows: Sequence[BendNumbers], curves: Sequence[
         line.set_linestyle("-" if full else _DASHES)
         line.set_dash_capstyle("butt")
         line.set_solid_capstyle("butt")
-    for (
-        outline
-    ) in jaws:  # the rod goes on into the jaws: corners 0, 5 lie beside its end, 6, 7 at the bottom of the slot
-        inside = np.stack([outline[[0, 5]].mean(axis=0), outline[[6, 7]].mean(axis=0)])
-        axes.plot(*inside.T, color=SOFT, lw=2.3, zorder=2.0, solid_capstyle="butt")
+    for outline in jaws:
+        if (
+            len(outline) == _JAW_CORNERS
+        ):  # the rod goes on into them: 0, 5 lie beside its end, 6, 7 at the slot's bottom
+            inside = np.stack([outline[[0, 5]].mean(axis=0), outline[[6, 7]].mean(axis=0)])
+            axes.plot(*inside.T, color=SOFT, lw=2.3, zorder=2.0, solid_capstyle="butt")
         axes.add_patch(Polygon(outline, closed=True, facecolor=INK, edgecolor="white", lw=0.6, zorder=4.0))
     for row, place in zip(rows, _label_places(curves, extent)):
         _badge(axes, place, row)
@@ -118,10 +120,14 @@ def _colour(row: BendNumbers) -> str:
 
 
 def _ends(problem: BendProblem, extent: float) -> list[list[FloatArray]]:
-    """Each gripper as outlines: two jaws beside the rod, outside the bent part, and a back that joins them."""
+    """Each gripper as outlines: two jaws beside the rod, outside the bent part, and a back; a pin as a disc."""
     long, gap, thick = 0.055 * extent, 0.007 * extent, 0.016 * extent
     found = []
     for place, angle, sign in ((problem.start, problem.start_angle, -1.0), (problem.end, problem.end_angle, 1.0)):
+        if angle is None:
+            around = np.linspace(0.0, 2.0 * math.pi, 49)
+            found.append([np.array(place) + 0.014 * extent * np.stack([np.cos(around), np.sin(around)], axis=-1)])
+            continue
         along = sign * np.array([math.cos(angle), math.sin(angle)])
         across = np.array([-along[1], along[0]])
         profile = [(0.0, gap), (0.0, gap + thick), (long, gap + thick), (long, -gap - thick), (0.0, -gap - thick)]

@@ -77,9 +77,13 @@ def _heading(problem: BendProblem, rows: Sequence[BendNumbers], unit: str) -> st
     modulo = ", any winding" if problem.end_angle_modulo else ""
     return (
         f"length {text_of(problem.length, 9)}{unit} from ({text_of(x0, 9)}, {text_of(y0, 9)}), "
-        f"{text_of(math.degrees(problem.start_angle))}° to ({text_of(x1, 9)}, {text_of(y1, 9)}), "
-        f"{text_of(math.degrees(problem.end_angle))}°{modulo}: {found}"
+        f"{_held(problem.start_angle)} to ({text_of(x1, 9)}, {text_of(y1, 9)}), "
+        f"{_held(problem.end_angle)}{modulo}: {found}"
     )
+
+
+def _held(angle: float | None) -> str:
+    return "pinned" if angle is None else f"{text_of(math.degrees(angle))}°"
 
 
 def _rod_line(rod: Rod) -> str:
@@ -120,8 +124,8 @@ def _rod_cells(number: int, bent: BentRod) -> list[str]:
 
 
 def text_of(value: float, digits: int = 6) -> str:
-    """A number with so many digits, with a true minus and ∞; −0 as 0."""
-    text = f"{value + 0.0:.{digits}g}".replace("inf", "∞")
+    """A number with so many digits, with a true minus and ∞; −0 as 0, – for one that does not exist."""
+    text = f"{value + 0.0:.{digits}g}".replace("inf", "∞").replace("nan", "–")
     return text.replace("-", "−")
 
 

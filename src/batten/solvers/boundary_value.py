@@ -53,6 +53,7 @@ class BoundarySolution:
         margin: length up to the first conjugate point over the length: above 1 the shape is stable; inf if none comes. NaN
             where an end's curvature is given and not 0; there `stable` comes from the least eigenvalue.
         residual: greatest miss of the end point (in lengths) and of the end angle (radians), as stored.
+        ends: which ends are clamped; what `stable` and `margin` are for.
     """
 
     elastica: Elastica
@@ -62,6 +63,7 @@ class BoundarySolution:
     stable: bool
     margin: float
     residual: float
+    ends: Ends = "clamped"
 
 
 @dataclass(frozen=True, eq=False)
@@ -311,6 +313,7 @@ def _solution(batch: BoundaryBatch, i: int, j: int, kind: int) -> BoundarySoluti
         stable=stable,
         margin=margin,
         residual=float(batch.residual[i, j]),
+        ends=_KINDS[kind],
     )
 
 
