@@ -16,6 +16,7 @@ from batten.fabrication.robot.cell import pose_from_xyz
 from batten.fabrication.robot.motion import grip_poses
 from batten.fabrication.robot.spin_choice import spun
 from batten.fabrication.wall import Wall
+from batten.solvers.boundary_value import STATUS as BOUNDARY_STATUS
 from batten.solvers.elastica_fit import STATUS
 from batten.surfaces.bspline_surface import BSplineSurface
 from batten.surfaces.deviation import surface_deviation
@@ -215,6 +216,42 @@ def test_status_codes():
     line = batten.initial_elastica(CubicBezier([(0, 0), (1, 0), (2, 0), (3, 0)]))
     words = (line.status, batten.initial_elastica(HALF_TURN_LEFT).status, batten.initial_elastica(WAVE).status)
     assert words == ("line", "circle", "elastica")
+    solved = batten.solve_boundary_batch((0, 0), 0.0, [(0.8, 0), (0.8, 0), (1.2, 0)], [0.0, np.nan, 0.0], 1.0)
+    assert [BOUNDARY_STATUS[i] for i in solved.status] == ["found", "bad input", "length below the chord"]
+    assert solved.count.tolist() == [2, 0, 0]
+    assert np.isnan(solved.parameters[1]).all()
+    assert (solved.inflections[1] == -1).all()
+
+
+# Rods between two ends
+
+
+def test_end_angles_are_real_numbers():
+    for turns in (0, 1, -1):
+        for shape in batten.solve_boundary((0, 0), 0.3, (0.4, 0.1), 0.5 + 2 * np.pi * turns, 1.0):
+            assert shape.rotation_number == pytest.approx(turns + 0.2 / (2 * np.pi), abs=1e-9)
+    pinned = batten.solve_boundary((0, 0), None, (0.8, 0), None, 1.0, max_inflections=0)
+    assert all(np.abs(s.elastica.curvature_at([0.0, 1.0])).max() < 1e-9 for s in pinned)
+    bent = batten.solve_boundary((0, 0), 0.3, (0.8, 0), None, 1.0, end_curvature=1.5)
+    assert all(s.elastica.curvature_at(1.0) == pytest.approx(1.5, abs=1e-9) for s in bent)
+
+
+def test_a_pose_in_six_numbers():
+    pose = [1.0, 2.0, 0.3, 1.7, 2.1, -0.2]
+    (state,) = batten.track_boundary([pose], 1.0)
+    ends, angles = state.elastica.point_at([0.0, 1.0]), state.elastica.angle_at([0.0, 1.0])
+    assert [*ends[0], angles[0], *ends[1], angles[1]] == pytest.approx(pose, abs=1e-10)
+
+
+def test_margins_above_one_hold():
+    column = batten.Elastica((0, 0), 0.0, 0.0, (np.pi**2, 0), 0.9)
+    assert batten.stability(column, "pinned").margin == pytest.approx(1 / 0.9)
+    assert batten.stability(column, "clamped").margin == pytest.approx(2 / 0.9)
+    assert batten.stability(column, "clamped-pinned").margin == batten.stability(column, "pinned-clamped").margin
+    assert batten.stability(HALF_TURN_LEFT).margin == np.inf
+    for margin, stable in ((1.1, True), (0.9, False)):
+        rod = batten.Elastica((0, 0), 0.0, 0.0, ((2 * np.pi / margin) ** 2, 0), 1.0)
+        assert (batten.stability(rod).margin, batten.stability(rod).stable) == (pytest.approx(margin), stable)
 
 
 # Frames
