@@ -264,6 +264,28 @@ def test_ends_that_are_inflections(off):
     assert solutions[0].elastica.start_curvature == pytest.approx(PI * off, abs=1e-12 + 0.01 * abs(off))
 
 
+def test_nearly_degenerate_problems_are_solved_or_refused_in_words():
+    """Chords next to 0 and to the length, turns next to multiples of π/2, down to 1e-14: no crash, no wrong solution."""
+    rng = np.random.default_rng(3)
+    n = 800
+    near = 10.0 ** rng.uniform(-14, -1, n)
+    chord = np.choose(rng.integers(0, 3, n), [1 - np.maximum(near, 1e-12), near, rng.random(n)])
+    exact = rng.random((2, n)) < 0.5
+    direction = rng.choice([0, PI / 2, PI, -PI / 2, 1.0], n) + np.where(exact[0], 0, 10.0 ** rng.uniform(-14, 0, n))
+    turn = rng.choice([0, PI, -PI, 2 * PI, PI / 2, -4 * PI, 1.0, -0.3], n)
+    turn += np.where(exact[1], 0, rng.choice([-1, 1], n) * 10.0 ** rng.uniform(-14, 0, n))
+    ends = chord[:, None] * np.column_stack([np.cos(direction), np.sin(direction)])
+    batch = solve_boundary_batch((0, 0), 0.0, ends, turn, 1.0)
+    words = [STATUS[s] for s in batch.status]
+    assert words.count("search cut short") <= 8
+    for i in range(n):
+        if words[i] != "search cut short":
+            for row in batch.parameters[i, : batch.count[i]]:
+                curve = Elastica.from_parameters(row)
+                assert np.hypot(*(curve.point_at(1.0) - ends[i])) < 2e-9
+                assert abs(curve.angle_at(1.0) - turn[i]) < 2e-9
+
+
 # --- other end conditions ---
 
 

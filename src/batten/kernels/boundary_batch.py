@@ -166,11 +166,15 @@ def scan_rows(rows, kind, most, jobs, budget, starts, n_starts, status, evaluati
             continue
         prepare(problem)
         turn = problem[2]
+        # without inflections the tangent keeps within `turn`: then the chord is at least cos(turn/2) of the length
+        too_bent = kind == ANGLES and (turn == 0.0 or (turn < math.pi and chord < math.cos(0.5 * turn) - 1e-12))
         spent[:] = 0
         n, filled = 0, -1
         for j in range(jobs.shape[0]):
             chart, cell, count, nu, nv = jobs[j]
-            if (chart <= INFLECTED_HIGH and turn >= 2.0 * math.pi) or (chart <= ROUND and count == 0 and turn == 0.0):
+            if chart <= INFLECTED_HIGH and turn >= 2.0 * math.pi - 1e-9:
+                continue
+            if chart <= ROUND and count == 0 and too_bent:
                 continue
             which = chart if chart <= ROUND else chart + 10 * cell
             if which != filled:
@@ -237,7 +241,9 @@ def _good(z, problem, kind, most):
     lam = math.hypot(z[2], z[3])
     if kind == CURVATURES:
         z[0] -= 2.0 * math.pi * math.ceil(z[0] / (2.0 * math.pi) - 0.5)
-    if not ((z[6] <= 1e-9 or (z[6] <= 1e-3 and lam > 225.0)) and lam <= TIGHTEST**2):
+    slack = 1.0 - math.hypot(problem[0], problem[1])  # a straight line misses by that much, and is none
+    enough = 1e-3 if lam > 225.0 else max(min(1e-11, 1e-3 * slack), 4e-16)
+    if not (z[6] <= enough and lam <= TIGHTEST**2):
         return False
     z[4], count = bending_and_inflections(z[:4])
     z[5] = count

@@ -34,7 +34,9 @@ _SPREAD = 0.012  # of the three arguments at which Carlson's series is summed: e
 
 @njit(cache=True, no_cfunc_wrapper=True, nogil=True)
 def incomplete(s, c2, d2):
-    """(F, ∫₀ᶠ sn²) of an amplitude with sine s ≥ 0 or < 0, squared cosine c2, 1 − k²s² = d2: Carlson's R_F and R_D."""
+    """(F, ∫₀ᶠ sn²) of an amplitude with sine s, squared cosine c2, 1 − k²s² = d2: Carlson's R_F and R_D; inf at k = 1."""
+    if c2 + d2 < 1e-300:
+        return math.copysign(math.inf, s), math.copysign(math.inf, s)
     x, y, z = c2, d2, 1.0
     sum_d, factor = 0.0, 1.0
     mean = 0.0
