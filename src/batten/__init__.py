@@ -24,13 +24,16 @@ _WHERE = {
     "basic_length": "batten.measures.curvature_fit",
     "bending_energy": "batten.measures.bending_energy",
     "curvature_residual": "batten.measures.curvature_residual",
+    "elastica_distance_bound": "batten.measures.bound",
     "fit_elastica": "batten.solvers.elastica_fit",
     "fit_elastica_batch": "batten.solvers.elastica_fit",
     "h1_distance": "batten.measures.distance",
     "hausdorff_distance": "batten.measures.distance",
     "initial_elastica": "batten.solvers.initial_guess",
     "l2_distance": "batten.measures.distance",
+    "lambda_class": "batten.measures.lambda_class",
     "lambda_residual": "batten.measures.lambda_residual",
+    "lambda_residual_gradient": "batten.measures.lambda_residual_gradient",
     "minimum_energy_curves": "batten.solvers.angle_constrained",
     "multipliers": "batten.measures.curvature_fit",
     "scale_invariant_curves": "batten.solvers.angle_constrained",
@@ -50,13 +53,16 @@ if TYPE_CHECKING:
     from batten.curves.polyline import Polyline as Polyline
     from batten.curves.similarity import Similarity as Similarity
     from batten.measures.bending_energy import bending_energy as bending_energy
+    from batten.measures.bound import elastica_distance_bound as elastica_distance_bound
     from batten.measures.curvature_fit import basic_length as basic_length
     from batten.measures.curvature_fit import multipliers as multipliers
     from batten.measures.curvature_residual import curvature_residual as curvature_residual
     from batten.measures.distance import h1_distance as h1_distance
     from batten.measures.distance import hausdorff_distance as hausdorff_distance
     from batten.measures.distance import l2_distance as l2_distance
+    from batten.measures.lambda_class import lambda_class as lambda_class
     from batten.measures.lambda_residual import lambda_residual as lambda_residual
+    from batten.measures.lambda_residual_gradient import lambda_residual_gradient as lambda_residual_gradient
     from batten.solvers.angle_constrained import minimum_energy_curves as minimum_energy_curves
     from batten.solvers.angle_constrained import scale_invariant_curves as scale_invariant_curves
     from batten.solvers.boundary_value import solve_boundary as solve_boundary

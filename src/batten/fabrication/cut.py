@@ -16,6 +16,7 @@ from batten.fabrication.plan import Block, BlockMotion, CheckResult, CutPlan, Ro
 from batten.fabrication.robot.cell import RobotCell, cell_from_job
 from batten.fabrication.robot.motion import plan_block_motion
 from batten.fabrication.wall import BladeAxis, Wall, axis_of
+from batten.measures.lambda_class import BEST_BELOW, GOOD_BELOW
 from batten.surfaces.bspline_surface import BSplineSurface
 from batten.surfaces.foliation import intersect_planes
 from batten.surfaces.plane import Plane
@@ -28,8 +29,6 @@ TURNS_DEG = (0.0, 2.0, -2.0, 3.0, -3.0, 4.0, -4.0, 6.0, -6.0, 8.0, -8.0, 10.0, -
 """Turns that `turn_deg = "auto"` tries, in this order (Fisker2018 §5.4.3, Solution 1)."""
 
 _DESIGN_POINTS = 41
-# Classes of the λ-residual of a piece (Brander2018 §3): close to an elastica below the first, far above the second.
-_CLOSE_LAMBDA_RESIDUAL, _GOOD_LAMBDA_RESIDUAL = 0.22, 0.4
 
 
 def plan_cut(job: CutJob, surface: BSplineSurface, progress: Progress | None = None) -> CutPlan:
@@ -323,8 +322,8 @@ def _facts(
         "refused_leaves": len(refused),
         "turn_deg": turn_deg,
         "repaired_leaves": len({r.leaf for r in rods if any("border points" in text for text in r.repair)}),
-        "leaves_not_close_to_elastica": int((worst > _CLOSE_LAMBDA_RESIDUAL).sum()),
-        "leaves_far_from_elastica": int((worst > _GOOD_LAMBDA_RESIDUAL).sum()),
+        "leaves_not_close_to_elastica": int((worst >= BEST_BELOW).sum()),
+        "leaves_far_from_elastica": int((worst >= GOOD_BELOW).sum()),
         "worst_lambda_residual": float(np.nanmax(residual)),
         "pieces_outside_tolerance_before_repair": int((chains.first_deviation > job.leaves.tolerance_mm).sum()),
         "worst_deviation_before_repair_mm": float(np.nanmax(chains.first_deviation)),
