@@ -23,6 +23,7 @@ _WHERE = {
     "Similarity": "batten.curves.similarity",
     "basic_length": "batten.measures.curvature_fit",
     "bending_energy": "batten.measures.bending_energy",
+    "bezier_criteria": "batten.solvers.bezier_criteria",
     "curvature_residual": "batten.measures.curvature_residual",
     "elastica_distance_bound": "batten.measures.bound",
     "fit_elastica": "batten.solvers.elastica_fit",
@@ -30,12 +31,14 @@ _WHERE = {
     "h1_distance": "batten.measures.distance",
     "hausdorff_distance": "batten.measures.distance",
     "initial_elastica": "batten.solvers.initial_guess",
+    "is_elastica_like": "batten.solvers.bezier_criteria",
     "l2_distance": "batten.measures.distance",
     "lambda_class": "batten.measures.lambda_class",
     "lambda_residual": "batten.measures.lambda_residual",
     "lambda_residual_gradient": "batten.measures.lambda_residual_gradient",
     "minimum_energy_curves": "batten.solvers.angle_constrained",
     "multipliers": "batten.measures.curvature_fit",
+    "project_bezier": "batten.solvers.bezier_projection",
     "scale_invariant_curves": "batten.solvers.angle_constrained",
     "snap_error": "batten.solvers.snap_error",
     "solve_boundary": "batten.solvers.boundary_value",
@@ -65,6 +68,9 @@ if TYPE_CHECKING:
     from batten.measures.lambda_residual_gradient import lambda_residual_gradient as lambda_residual_gradient
     from batten.solvers.angle_constrained import minimum_energy_curves as minimum_energy_curves
     from batten.solvers.angle_constrained import scale_invariant_curves as scale_invariant_curves
+    from batten.solvers.bezier_criteria import bezier_criteria as bezier_criteria
+    from batten.solvers.bezier_criteria import is_elastica_like as is_elastica_like
+    from batten.solvers.bezier_projection import project_bezier as project_bezier
     from batten.solvers.boundary_value import solve_boundary as solve_boundary
     from batten.solvers.boundary_value import solve_boundary_batch as solve_boundary_batch
     from batten.solvers.cubic_spline_rod import CubicSplineRod as CubicSplineRod

@@ -43,3 +43,34 @@ def boundary(
     if out is not None:
         write(study, out)
     typer.echo("\n".join(lines(study)))
+
+
+@app.command(short_help="Feedback projection of random Béziers: Table 4.1 of Fisker2018.")
+def projection(
+    size: Annotated[int, typer.Option(metavar="N", min=1, max=1_000_000_000, help="How many random curves.")] = 100_000,
+    seed: Annotated[int, typer.Option(metavar="S", min=0, help="The same seed gives the same curves.")] = 0,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "-o", "--out", metavar="DIR", help="Folder for Parquet and a figure; a run that was stopped goes on there."
+        ),
+    ] = None,
+    workers: Annotated[
+        int | None, typer.Option(metavar="N", min=1, help="Threads, by default one for each core.")
+    ] = None,
+) -> None:
+    """Random cubic Béziers are moved close to elastica by the feedback projection, under three pairs of angle constraints.
+
+    Prints how far from elastica they are afterwards, with the paper's figures beside. Exit status: 0; 2 for bad input.
+    """
+    from batten.cli.progress import StageProgress
+    from batten.io.projection_study_files import run_in, write
+    from batten.studies.projection import lines, run
+
+    with StageProgress() as progress:
+        if out is None:
+            study = run(size, seed, progress, workers=workers)
+        else:
+            study = run_in(out, size, seed, progress, workers=workers)
+            write(study, out)
+    typer.echo("\n".join(lines(study)))

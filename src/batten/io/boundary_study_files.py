@@ -14,21 +14,17 @@ from __future__ import annotations
 
 import csv
 import io
-import os
-import zipfile
-from collections.abc import Callable, Iterable
-from dataclasses import fields
+from collections.abc import Iterable
 from pathlib import Path
-from typing import IO, Any, TypeVar
 
 import matplotlib
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-import batten
 from batten.curves.base import Curve
 from batten.curves.elastica import Elastica
+from batten.io.study_parts import PARTS, keep, kept, written_file
 from batten.studies.boundary import (
     METHODS,
     BoundaryPart,
@@ -45,13 +41,8 @@ from batten.studies.boundary import (
 from batten.studies.boundary_lines import NEAREST, PAPER_ENERGIES, PAPER_TABLE, QUANTITIES, lines, statistics
 from batten.typing import FloatArray
 
-PARTS = "parts"
-"""Name of the folder of finished parts."""
-
-_FORMAT = 1
 _SHOWN = 3  # problems in the figure for each method
 _DPI = 150.0
-_Record = TypeVar("_Record", BoundaryPart, EnergyTable)
 
 
 def run_in(directory: str | Path, size: int, seed: int = 0, progress: Progress | None = None) -> BoundaryStudy:
@@ -82,18 +73,18 @@ def run_in(directory: str | Path, size: int, seed: int = 0, progress: Progress |
     results = []
     for first, count in parts_of(size):
         path = folder / f"seed-{seed}-problems-{first}-to-{first + count - 1}.npz"
-        part = _kept(path, BoundaryPart)
+        part = kept(path, BoundaryPart)
         if part is None:
             part = run_part(seed, first, count, size, progress)
-            _keep(path, part)
+            keep(path, part)
         elif progress is not None:
             progress("boundary value problems", first + count, size)
         results.append(part)
     path = folder / f"seed-{seed}-energies.npz"
-    energies = _kept(path, EnergyTable)
+    energies = kept(path, EnergyTable)
     if energies is None:
         energies = energy_table(seed, progress)
-        _keep(path, energies)
+        keep(path, energies)
     return BoundaryStudy(size, seed, joined(results), energies)
 
 
@@ -112,48 +103,16 @@ def write(study: BoundaryStudy, directory: str | Path) -> list[Path]:
     folder = Path(directory)
     folder.mkdir(parents=True, exist_ok=True)
     text = "".join(line + "\n" for line in lines(study))
-    _whole(folder / "study.txt", lambda file: file.write(text.encode()))
+    written_file(folder / "study.txt", lambda file: file.write(text.encode()))
     _table(folder / "problems.csv", _problem_rows(study))
     _table(folder / "table-2.1.csv", _table_rows(study))
     _table(folder / "table-b1.csv", _energy_rows(study))
     figure = _figure(study)
-    _whole(folder / "figure-2.13.png", lambda file: figure.savefig(file, format="png", dpi=_DPI))
+    written_file(folder / "figure-2.13.png", lambda file: figure.savefig(file, format="png", dpi=_DPI))
     return [folder / n for n in ("study.txt", "problems.csv", "table-2.1.csv", "table-b1.csv", "figure-2.13.png")]
 
 
 # --- parts ---
-
-
-def _keep(path: Path, record: BoundaryPart | EnergyTable) -> None:
-    arrays: dict[str, Any] = {f.name: getattr(record, f.name) for f in fields(record)}
-    mark = np.array([str(_FORMAT), batten.__version__])
-    _whole(path, lambda file: np.savez(file, mark=mark, **arrays))
-
-
-def _kept(path: Path, kind: type[_Record]) -> _Record | None:
-    """What `_keep` kept; None if there is none, or another version of batten kept it, or the file is no such file."""
-    if not path.is_file():
-        return None
-    try:
-        with np.load(path, allow_pickle=False) as data:
-            if data["mark"].tolist() != [str(_FORMAT), batten.__version__]:
-                return None
-            return kind(*(data[f.name] for f in fields(kind)))
-    except (ValueError, KeyError, EOFError, zipfile.BadZipFile):
-        return None
-
-
-def _whole(path: Path, fill: Callable[[IO[bytes]], object]) -> None:
-    """Write a file under another name, and rename it when it is whole and on the drive."""
-    new = path.with_name(f".{path.name}.new")
-    try:
-        with new.open("wb") as file:
-            fill(file)
-            file.flush()
-            os.fsync(file.fileno())
-        new.replace(path)
-    finally:
-        new.unlink(missing_ok=True)
 
 
 # --- tables ---
@@ -162,7 +121,7 @@ def _whole(path: Path, fill: Callable[[IO[bytes]], object]) -> None:
 def _table(path: Path, rows: Iterable[Iterable[object]]) -> None:
     text = io.StringIO()
     csv.writer(text, lineterminator="\n").writerows(rows)
-    _whole(path, lambda file: file.write(text.getvalue().encode()))
+    written_file(path, lambda file: file.write(text.getvalue().encode()))
 
 
 def _problem_rows(study: BoundaryStudy) -> Iterable[Iterable[object]]:
