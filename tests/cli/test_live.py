@@ -23,7 +23,7 @@ from batten.errors import InvalidInputError
 ROD = Path(__file__).parents[2] / "examples/bend/rod.toml"
 WAIT_S = 20.0  # at most, for what takes a second: to start, to answer, to end
 STAND_IN = """\
-import math, os, sys, time, types
+import math, os, sys, time
 from types import SimpleNamespace
 from batten.curves.elastica import Elastica
 
@@ -35,9 +35,8 @@ class RodTracker:
         curve = Elastica(pose[:2], pose[2], (pose[5] - pose[2]) / self.length, (0.0, 0.0), self.length)
         return SimpleNamespace(elastica=curve, energy=0.0, margin=math.inf, stable=True, snap=None)
 
-track = types.ModuleType("batten.solvers.track")
-track.RodTracker = RodTracker
-sys.modules["batten.solvers.track"] = track
+import batten.solvers.track
+batten.solvers.track.RodTracker = RodTracker
 from batten.cli.main import main
 sys.exit(main())
 """
