@@ -158,7 +158,8 @@ class CheckResult:
     def worst(self) -> int:
         """Index of the rod with the least margin, −1 if the check applies to none."""
         m = self.margins
-        return int(np.nanargmin(m)) if np.isfinite(m).any() else -1
+        known = np.flatnonzero(~np.isnan(m))  # nanargmin would take NaN for the greatest, infinity
+        return int(known[m[known].argmin()]) if known.size else -1
 
 
 @dataclass(frozen=True, eq=False)

@@ -139,14 +139,9 @@ def use_of_limit(check: CheckResult) -> FloatArray:
 
 def worst_rod(check: CheckResult) -> int:
     """Index of the rod with the least margin; where there is no limit, of the most extreme value; −1 if there is none."""
-    known = np.flatnonzero(~np.isnan(check.values))
-    if not known.size:
-        return -1
-    if not math.isfinite(check.limit):
-        return int(np.nanargmax(check.values) if check.sense == "max" else np.nanargmin(check.values))
-    if not np.isfinite(check.margins).any():  # all infinitely good or bad
-        return int(known[check.margins[known].argmin()])
-    return check.worst
+    if math.isfinite(check.limit) or np.isnan(check.values).all():
+        return check.worst
+    return int(np.nanargmax(check.values) if check.sense == "max" else np.nanargmin(check.values))
 
 
 def critical_rod(plan: CutPlan) -> tuple[int, CheckResult | None]:

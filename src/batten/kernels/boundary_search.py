@@ -65,7 +65,7 @@ def _sharpen(chart, cell, count, u, v, problem, out, side):
         nu, nv = u - du, v - dv
         if not (-0.05 < nu < 1.05 and 0.3 * v < nv < 3.0 * v and nv < 1.05):
             return
-        u, v = min(max(nu, 0.0), 1.0), min(max(nv, _LOWEST), 1.0)
+        u, v = min(max(nu, 0.0), 1.0), min(max(nv, lowest(chart), _LEAST), 1.0)
 
 
 @njit(cache=True, no_cfunc_wrapper=True, nogil=True)
