@@ -16,6 +16,7 @@ from batten.fabrication.robot.cell import pose_from_xyz
 from batten.fabrication.robot.motion import grip_poses
 from batten.fabrication.robot.spin_choice import spun
 from batten.fabrication.wall import Wall
+from batten.solvers.bezier_projection import STATUS as BEZIER_STATUS
 from batten.solvers.boundary_value import STATUS as BOUNDARY_STATUS
 from batten.solvers.elastica_fit import STATUS
 from batten.surfaces.bspline_surface import BSplineSurface
@@ -221,6 +222,9 @@ def test_status_codes():
     assert solved.count.tolist() == [2, 0, 0]
     assert np.isnan(solved.parameters[1]).all()
     assert (solved.inflections[1] == -1).all()
+    moved = batten.project_bezier([CUBIC, bad, np.zeros((4, 2))])
+    assert [BEZIER_STATUS[i] for i in moved.status][1:] == ["not finite", "degenerate"]
+    assert np.isnan(moved.control_points).all(axis=(1, 2)).tolist() == [False, True, True]
 
 
 # Rods between two ends

@@ -39,6 +39,7 @@ _WHERE = {
     "minimum_energy_curves": "batten.solvers.angle_constrained",
     "multipliers": "batten.measures.curvature_fit",
     "project_bezier": "batten.solvers.bezier_projection",
+    "projection_change": "batten.solvers.nearest_projection",
     "scale_invariant_curves": "batten.solvers.angle_constrained",
     "snap_error": "batten.solvers.snap_error",
     "solve_boundary": "batten.solvers.boundary_value",
@@ -78,6 +79,7 @@ if TYPE_CHECKING:
     from batten.solvers.elastica_fit import fit_elastica as fit_elastica
     from batten.solvers.elastica_fit import fit_elastica_batch as fit_elastica_batch
     from batten.solvers.initial_guess import initial_elastica as initial_elastica
+    from batten.solvers.nearest_projection import projection_change as projection_change
     from batten.solvers.snap_error import snap_error as snap_error
     from batten.solvers.stability import stability as stability
     from batten.solvers.track import RodTracker as RodTracker

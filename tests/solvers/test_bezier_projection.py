@@ -15,7 +15,7 @@ from batten.measures.lambda_residual import lambda_residual
 from batten.solvers.bezier_criteria import RELAXED_ANGLE_LIMITS, WIDE_ANGLE_LIMITS, bezier_criteria, is_elastica_like
 from batten.solvers.bezier_projection import STATUS, project_bezier
 
-KEPT, REACHED, BEST, MINIMUM, UNBOUNDED, STEPS, OUTSIDE, DEGENERATE, NOT_FINITE = range(len(STATUS))
+KEPT, REACHED, BEST, MINIMUM, UNBOUNDED, STEPS, OUTSIDE, DEGENERATE, NOT_FINITE, _, _ = range(len(STATUS))
 ARCH = np.array([(0, 0), (0, 1), (1, 1), (1, 0)], dtype=float)
 
 
