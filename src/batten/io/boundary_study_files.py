@@ -30,15 +30,14 @@ from batten.studies.boundary import (
     BoundaryPart,
     BoundaryStudy,
     EnergyTable,
-    Progress,
     answers,
-    check_size,
     energy_table,
     joined,
     parts_of,
     run_part,
 )
 from batten.studies.boundary_lines import NEAREST, PAPER_ENERGIES, PAPER_TABLE, QUANTITIES, lines, statistics
+from batten.studies.study import Progress, check_size
 from batten.typing import FloatArray
 
 _SHOWN = 3  # problems in the figure for each method
@@ -110,9 +109,6 @@ def write(study: BoundaryStudy, directory: str | Path) -> list[Path]:
     figure = _figure(study)
     written_file(folder / "figure-2.13.png", lambda file: figure.savefig(file, format="png", dpi=_DPI))
     return [folder / n for n in ("study.txt", "problems.csv", "table-2.1.csv", "table-b1.csv", "figure-2.13.png")]
-
-
-# --- parts ---
 
 
 # --- tables ---

@@ -8,9 +8,9 @@ for, and also to the nearest of all solutions that `solve_boundary` knows.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.special import ellipk
@@ -23,10 +23,8 @@ from batten.measures.distance import h1_distance, l2_distance
 from batten.solvers.boundary_value import solve_boundary
 from batten.solvers.cubic_spline_rod import CubicSplineRod
 from batten.solvers.discrete_rod import DiscreteRod
+from batten.studies.study import Progress, check_size
 from batten.typing import BoolArray, FloatArray, IntArray
-
-Progress: TypeAlias = Callable[[str, int, int], None]
-"""Called as progress(stage, done, total)."""
 
 METHODS = (
     "1, 250 points",
@@ -190,12 +188,6 @@ def run(size: int, seed: int = 0, progress: Progress | None = None) -> BoundaryS
     check_size(size, seed)
     parts = [run_part(seed, first, count, size, progress) for first, count in parts_of(size)]
     return BoundaryStudy(size, seed, joined(parts), energy_table(seed, progress))
-
-
-def check_size(size: int, seed: int) -> None:
-    """Refuse sizes below 1 and seeds below 0: `InvalidInputError`."""
-    if not (isinstance(size, int | np.integer) and size >= 1 and isinstance(seed, int | np.integer) and seed >= 0):
-        raise InvalidInputError(f"a study has a size ≥ 1 and a seed ≥ 0, whole numbers; got {size!r}, {seed!r}")
 
 
 def parts_of(size: int) -> list[tuple[int, int]]:

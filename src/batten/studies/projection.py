@@ -2,23 +2,17 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 
 from batten.measures.lambda_residual import lambda_residual
 from batten.solvers.bezier_criteria import ANGLE_LIMITS, RELAXED_ANGLE_LIMITS, WIDE_ANGLE_LIMITS, bezier_criteria
 from batten.solvers.bezier_projection import project_bezier
-from batten.studies.boundary import check_size
+from batten.studies.study import Columns, Outcome, Study
 from batten.typing import BoolArray, FloatArray
 
-Progress = Callable[[str, int, int], None]
-
-PART = 10_000
-"""Curves of a part: each has random numbers of its own, so that the number of workers does not matter."""
+DEFAULT_SIZE = 100_000
 
 LIMITS = (ANGLE_LIMITS, RELAXED_ANGLE_LIMITS, WIDE_ANGLE_LIMITS)
 ROWS = ("π/3, 0.4π", "π/4, 0.6π", "π/6, 0.75π", "outside π/3, 0.4π")
@@ -40,19 +34,10 @@ class ProjectionPart:
     before: FloatArray
     after: FloatArray
 
-
-@dataclass(frozen=True, eq=False)
-class ProjectionStudy:
-    """A whole study: its size, its seed, and the parts joined."""
-
-    size: int
-    seed: int
-    results: ProjectionPart
-
     @property
     def inside(self) -> BoolArray:
         """(n, 4), which curves belong to which row."""
-        return ~np.isnan(self.results.after)
+        return ~np.isnan(self.after)
 
 
 def random_beziers(count: int, seed: int, part: int) -> FloatArray:
@@ -60,11 +45,6 @@ def random_beziers(count: int, seed: int, part: int) -> FloatArray:
     rng = np.random.default_rng([seed, part])
     radius, angle = np.sqrt(rng.random((count, 4))), 2.0 * np.pi * rng.random((count, 4))
     return np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=-1)
-
-
-def parts_of(size: int) -> list[tuple[int, int]]:
-    """Number and size of each part."""
-    return [(i, min(PART, size - i * PART)) for i in range(-(-size // PART))]
 
 
 def run_part(seed: int, part: int, count: int) -> ProjectionPart:
@@ -80,69 +60,42 @@ def run_part(seed: int, part: int, count: int) -> ProjectionPart:
     return ProjectionPart(control, lambda_residual(control), after)
 
 
-def run_parts(
-    seed: int, parts: Sequence[tuple[int, int]], workers: int | None = None
-) -> Iterator[tuple[int, ProjectionPart]]:
-    """Parts, with their numbers, as they are done, in as many threads as `workers` says (None: one for each core)."""
-    if not parts:
-        return
-    with ThreadPoolExecutor(workers or os.cpu_count() or 1) as pool:
-        yield from zip((i for i, _ in parts), pool.map(lambda part: run_part(seed, *part), parts))
-
-
-def joined(parts: Iterable[ProjectionPart]) -> ProjectionPart:
-    """Several parts as one."""
-    every = list(parts)
-    return ProjectionPart(*(np.concatenate([getattr(p, f.name) for p in every]) for f in fields(ProjectionPart)))
-
-
-def run(size: int, seed: int = 0, progress: Progress | None = None, *, workers: int | None = None) -> ProjectionStudy:
-    """Project `size` random curves by feedback, under each pair of angle constraints.
-
-    Parameters:
-        size: number of curves, ≥ 1. seed: ≥ 0; the same seed gives the same numbers, whatever the number of workers.
-        progress: called as progress(stage, done, total). workers: threads.
-
-    Raises:
-        InvalidInputError: a size or a seed out of range.
-
-    Example:
-        >>> study = run(2000, seed=1)
-        >>> bool(study.inside[:, 0].mean() > 0.5), bool(np.nanmax(study.results.after[:, 0]) < 0.3)
-        (True, True)
-    """
-    check_size(size, seed)
-    done = []
-    for i, part in run_parts(seed, parts_of(size), workers):
-        done.append(part)
-        if progress is not None:
-            progress("projections", min((i + 1) * PART, size), size)
-    return ProjectionStudy(size, seed, joined(done))
-
-
-def statistics(study: ProjectionStudy) -> FloatArray:
+def statistics(results: ProjectionPart) -> FloatArray:
     """Mean, median, 99 %, 99.99 % and maximum of the λ-residual after the projection, for each of `ROWS`: (4, 5)."""
     out = np.full((len(ROWS), 5), np.nan)
     for j in range(len(ROWS)):
-        values = study.results.after[study.inside[:, j], j]
+        values = results.after[results.inside[:, j], j]
         if values.size:
             out[j] = [values.mean(), *np.quantile(values, [0.5, 0.99, 0.9999, 1.0])]
     return out
 
 
-def lines(study: ProjectionStudy) -> list[str]:
+def lines(outcome: Outcome[ProjectionPart]) -> list[str]:
     """What the study prints: a row for each pair of constraints, the paper's numbers below it."""
+    results = outcome.results
     head = f"{'angle constraints':<20}{'curves':>9}{'mean':>9}{'median':>9}{'99 %':>9}{'99.99 %':>9}{'maximum':>9}"
     out = [
-        f"{study.size:,} Béziers with control points uniform in the unit disc (seed {study.seed}), projected by feedback;",
-        "λ-residual after it, within angle constraints 1 and 2 (Brander2018 §6, Fisker2018 Table 4.1)",
+        f"{outcome.size:,} Béziers with control points uniform in the unit disc (seed {outcome.seed}), projected",
+        "by feedback; λ-residual after it, within angle constraints 1 and 2 (Brander2018 §6, Fisker2018 Table 4.1)",
         "",
         head,
     ]
-    shares = study.inside.mean(axis=0)
-    for name, share, row, paper in zip(ROWS, shares, statistics(study), PAPER):
+    shares = results.inside.mean(axis=0)
+    for name, share, row, paper in zip(ROWS, shares, statistics(results), PAPER):
         out.append(f"{name:<20}{share:>9.1%}" + "".join(f"{v:>9.3f}" for v in row))
         out.append(f"{'  paper':<29}" + "".join(f"{'' if v is None else v:>9}" for v in paper))
-    before = study.results.before[study.inside[:, 0]]
-    out += ["", f"as drawn, within π/3, 0.4π: mean {before.mean():.3f}, median {np.median(before):.3f}"]
+    before = results.before[results.inside[:, 0]]
+    if before.size:
+        out += ["", f"as drawn, within π/3, 0.4π: mean {before.mean():.3f}, median {np.median(before):.3f}"]
     return out
+
+
+def columns(part: ProjectionPart) -> Columns:
+    """Control points, λ-residual as drawn and after the projection under each pair of constraints."""
+    points = {f"p{i}_{axis}": part.control_points[:, i, j] for i in range(4) for j, axis in enumerate("xy")}
+    names = ("after", "after_relaxed", "after_wide", "after_outside")
+    return {**points, "before": part.before, **{name: part.after[:, j] for j, name in enumerate(names)}}
+
+
+STUDY = Study("projection", 10_000, ProjectionPart, run_part, lines, columns)
+"""The feedback projection of random curves under each pair of angle constraints."""
