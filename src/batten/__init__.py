@@ -39,6 +39,7 @@ _WHERE = {
     "minimum_energy_curves": "batten.solvers.angle_constrained",
     "multipliers": "batten.measures.curvature_fit",
     "project_bezier": "batten.solvers.bezier_projection",
+    "project_path": "batten.solvers.path_projection",
     "projection_change": "batten.solvers.nearest_projection",
     "scale_invariant_curves": "batten.solvers.angle_constrained",
     "snap_error": "batten.solvers.snap_error",
@@ -80,6 +81,7 @@ if TYPE_CHECKING:
     from batten.solvers.elastica_fit import fit_elastica_batch as fit_elastica_batch
     from batten.solvers.initial_guess import initial_elastica as initial_elastica
     from batten.solvers.nearest_projection import projection_change as projection_change
+    from batten.solvers.path_projection import project_path as project_path
     from batten.solvers.snap_error import snap_error as snap_error
     from batten.solvers.stability import stability as stability
     from batten.solvers.track import RodTracker as RodTracker

@@ -15,6 +15,7 @@ import typer
 
 from batten.cli.bend import bend
 from batten.cli.live import live
+from batten.cli.project import project
 from batten.cli.study import app as study_app
 from batten.errors import BattenError, LimitError, NoSolutionError
 
@@ -121,6 +122,7 @@ def check(
 
 app.command(short_help="All shapes of a rod between two grippers.")(bend)
 app.command(short_help="A rod followed live, its ends tracked by sensors.")(live)
+app.command(short_help="The curves of a drawing made such as a rod takes.")(project)
 app.add_typer(study_app, name="study", short_help="The papers' experiments beside ours, at any size.")
 
 
