@@ -144,6 +144,7 @@ def test_similar_and_reversed_curves_have_similar_fits(ends):
 
 
 def test_a_batch_is_its_rows():
+    assert fit_elastica_batch(CURVES[0]).distance.shape == ()
     fits = fit_elastica_batch(CURVES.reshape(2, 3, 4, 2), ends="points")
     assert fits.distance.shape == fits.status.shape == (2, 3)
     assert fits.parameters.shape == (2, 3, 7)

@@ -88,7 +88,7 @@ def project_bezier(
       t = 0, 0.1, … 1 of each way and once more in steps of 0.02 about the least, and the least is returned; or the
       first that is ≤ `threshold`.
     - "zone" (§5.2): lengths are brought into the edge-length constraints and go, with (1) or (2), until (φ₁, φ₂) lies in
-      the zone Π; then `is_elastica_like` is true and e_λ < 0.4. The smallest t is found by bisection.
+      the zone Π; then `is_elastica_like` is true and e_λ < 0.412. The smallest t is found by bisection.
     - "gradient" (§4): steepest descent of `energy` in (log L₁, log L₂) to a local minimum. Kept to show why it is not the
       way: with "bending", ∫κ² ds, the edges grow without end; with "scale_invariant", L ∫κ² ds, the outcome need not be
       near an elastica; with "lambda_residual", e_λ, neighbouring curves end in different minima. Edges may cross.

@@ -135,7 +135,7 @@ def fit_elastica_batch(
     fits = fit_samples(samples, metric=metric, ends=ends, starts=starts, max_iterations=max_iterations)
     return ElasticaFits(
         *(
-            getattr(fits, name).reshape(*shape, *getattr(fits, name).shape[1:])
+            getattr(fits, name).reshape((*shape, *getattr(fits, name).shape[1:]))
             for name in ElasticaFits.__dataclass_fields__
         )
     )
