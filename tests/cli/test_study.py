@@ -38,7 +38,7 @@ def test_workers_and_a_scheduler_exclude_each_other(capsys):
 
 
 def test_every_sampled_study_has_the_same_options(capsys):
-    for name in ("projection", "annulus", "random", "zone", "fits", "bound"):
+    for name in ("projection", "methods", "annulus", "random", "zone", "fits", "bound", "regions"):
         assert main(["study", name, "--help"]) == 0
         printed = capsys.readouterr().out
         assert all(option in printed for option in ("--size", "--seed", "--out", "--workers", "--scheduler"))

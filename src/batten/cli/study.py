@@ -112,7 +112,8 @@ def zone(
 ) -> None:
     """The λ-residual of cubic Béziers, 10,700,000, that satisfy all criteria.
 
-    Prints quantiles and the maximum, sampled and sharpened, with the papers' beside: they conclude that none is above 0.4. Exit status: 0; 2 for bad input.
+    Prints quantiles and the maximum, sampled and sharpened, with the papers' beside: they conclude that none is above 0.4.
+    Exit status: 0; 2 for bad input.
     """
     _run("zone", size, seed, out, workers, scheduler)
 
@@ -148,6 +149,17 @@ def regions(
     Prints how much the two differ, and why. The database is built first. Exit status: 0; 2 for bad input.
     """
     _run("regions", size, seed, out, workers, scheduler)
+
+
+@app.command(short_help="All projections of random Béziers beside one another.")
+def methods(
+    size: _Size = None, seed: _Seed = 0, out: _Out = None, workers: _Workers = None, scheduler: _Scheduler = None
+) -> None:
+    """Random cubic Béziers, 100,000, projected by every method: how close to elastica, how far moved, how steady.
+
+    Exit status: 0; 2 for bad input.
+    """
+    _run("methods", size, seed, out, workers, scheduler)
 
 
 @app.command(short_help="The papers' database of good regions: Fisker2018, section 5.2.")
