@@ -75,3 +75,13 @@ def test_inverse_at_a_cusp():
 def test_refuses_a_point():
     with pytest.raises(InvalidInputError, match="positive"):
         ArcLength.of(CubicBezier([(1, 1)] * 4))
+
+
+@pytest.mark.parametrize("points", [[(0, 0), (0, 0), (1, 2), (3, 0)], [(0, 0), (0, 0), (0, 0), (3, 1)]])
+def test_ends_of_zero_speed(points):
+    for curve in (CubicBezier(points), CubicBezier(points[::-1])):
+        arc = ArcLength.of(curve)
+        fraction = np.array([0.0, 1e-12, 0.3, 1.0 - 1e-12, 1.0])
+        assert np.abs(arc.fraction_at(arc.parameter_at(fraction)) - fraction).max() < 1e-12
+        t = arc.parameter_at([0.0, 1.0])
+        assert np.abs(curve.point(t) - curve.point(np.array([0.0, 1.0]))).max() < 1e-12

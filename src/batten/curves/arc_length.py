@@ -104,8 +104,10 @@ class ArcLength:
             with np.errstate(divide="ignore", invalid="ignore"):
                 new = old - error / slope
             new = np.where((new >= low[todo]) & (new <= high[todo]), new, 0.5 * (low[todo] + high[todo]))
-            x[todo] = new
-            todo = todo[(np.abs(new - old) > 2e-15) & (np.abs(error) > 2e-15 * size[todo])]
+            # What is right to rounding stays: at zero speed the quotient of two roundings would throw it off.
+            right = np.abs(error) <= 2e-15 * size[todo]
+            x[todo] = np.where(right, old, new)
+            todo = todo[(np.abs(new - old) > 2e-15) & ~right]
             if todo.size == 0:
                 break
         left, right = self.edges[piece], self.edges[piece + 1]
