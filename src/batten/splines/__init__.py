@@ -1,0 +1,1 @@
+"""Elastic splines: designed by a proxy of cubics, found by interpolation."""
