@@ -25,8 +25,9 @@ layers: $(VENV)/.dev
 	$(BIN)/lint-imports
 
 # One thread of linear algebra for each of the two processes: more only wait for one another.
+unit: export OPENBLAS_NUM_THREADS := 1
 unit: $(VENV)/.dev
-	OPENBLAS_NUM_THREADS=1 $(BIN)/pytest -n 2 -m "not slow"
+	$(BIN)/pytest -n 2 -m "not slow"
 
 bench: $(VENV)/.dev
 	$(BIN)/python benchmarks/run.py

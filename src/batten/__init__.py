@@ -12,22 +12,31 @@ __version__ = "0.1.0"
 
 _WHERE = {
     "BSplineCurve": "batten.curves.bspline",
+    "Border": "batten.curves.cubic_proxy",
     "CubicBezier": "batten.curves.bezier",
+    "CubicProxy": "batten.curves.cubic_proxy",
     "CubicSplineRod": "batten.solvers.cubic_spline_rod",
     "Curve": "batten.curves.base",
     "DiscreteRod": "batten.solvers.discrete_rod",
+    "DesignLimits": "batten.splines.design_limits",
     "Elastica": "batten.curves.elastica",
+    "ElasticSplineDesign": "batten.splines.elastic_spline_design",
     "PiecewiseCurve": "batten.curves.piecewise",
     "Polyline": "batten.curves.polyline",
     "RodTracker": "batten.solvers.track",
     "Similarity": "batten.curves.similarity",
+    "analytic_description": "batten.splines.analytic_description",
+    "analytic_descriptions": "batten.splines.analytic_description",
+    "approximate": "batten.splines.approximate",
     "basic_length": "batten.measures.curvature_fit",
     "bending_energy": "batten.measures.bending_energy",
     "bezier_criteria": "batten.solvers.bezier_criteria",
     "curvature_residual": "batten.measures.curvature_residual",
+    "elastic_spline": "batten.splines.elastic_spline",
     "elastica_distance_bound": "batten.measures.bound",
     "fit_elastica": "batten.solvers.elastica_fit",
     "fit_elastica_batch": "batten.solvers.elastica_fit",
+    "good_region": "batten.solvers.good_region",
     "h1_distance": "batten.measures.distance",
     "hausdorff_distance": "batten.measures.distance",
     "initial_elastica": "batten.solvers.initial_guess",
@@ -38,6 +47,7 @@ _WHERE = {
     "lambda_residual_gradient": "batten.measures.lambda_residual_gradient",
     "minimum_energy_curves": "batten.solvers.angle_constrained",
     "multipliers": "batten.measures.curvature_fit",
+    "numerical_elastic_spline": "batten.splines.numerical_elastic_spline",
     "project_bezier": "batten.solvers.bezier_projection",
     "project_path": "batten.solvers.path_projection",
     "projection_change": "batten.solvers.nearest_projection",
@@ -53,6 +63,8 @@ if TYPE_CHECKING:
     from batten.curves.base import Curve as Curve
     from batten.curves.bezier import CubicBezier as CubicBezier
     from batten.curves.bspline import BSplineCurve as BSplineCurve
+    from batten.curves.cubic_proxy import Border as Border
+    from batten.curves.cubic_proxy import CubicProxy as CubicProxy
     from batten.curves.elastica import Elastica as Elastica
     from batten.curves.piecewise import PiecewiseCurve as PiecewiseCurve
     from batten.curves.polyline import Polyline as Polyline
@@ -79,6 +91,7 @@ if TYPE_CHECKING:
     from batten.solvers.discrete_rod import DiscreteRod as DiscreteRod
     from batten.solvers.elastica_fit import fit_elastica as fit_elastica
     from batten.solvers.elastica_fit import fit_elastica_batch as fit_elastica_batch
+    from batten.solvers.good_region import good_region as good_region
     from batten.solvers.initial_guess import initial_elastica as initial_elastica
     from batten.solvers.nearest_projection import projection_change as projection_change
     from batten.solvers.path_projection import project_path as project_path
@@ -86,6 +99,13 @@ if TYPE_CHECKING:
     from batten.solvers.stability import stability as stability
     from batten.solvers.track import RodTracker as RodTracker
     from batten.solvers.track import track_boundary as track_boundary
+    from batten.splines.analytic_description import analytic_description as analytic_description
+    from batten.splines.analytic_description import analytic_descriptions as analytic_descriptions
+    from batten.splines.approximate import approximate as approximate
+    from batten.splines.design_limits import DesignLimits as DesignLimits
+    from batten.splines.elastic_spline import elastic_spline as elastic_spline
+    from batten.splines.elastic_spline_design import ElasticSplineDesign as ElasticSplineDesign
+    from batten.splines.numerical_elastic_spline import numerical_elastic_spline as numerical_elastic_spline
 
 __all__ = [*_WHERE, "__version__"]
 

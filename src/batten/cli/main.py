@@ -13,7 +13,9 @@ from typing import Annotated, Any, NoReturn
 
 import typer
 
+from batten.cli.approximate import approximate
 from batten.cli.bend import bend
+from batten.cli.compare import compare
 from batten.cli.live import live
 from batten.cli.project import project
 from batten.cli.study import app as study_app
@@ -120,7 +122,9 @@ def check(
     raise typer.Exit(FINE if agrees and is_whole(stored.plan) else BROKEN_LIMIT)
 
 
+app.command(short_help="The curves of a drawing by pieces of elastica.")(approximate)
 app.command(short_help="All shapes of a rod between two grippers.")(bend)
+app.command(short_help="The scan of a cut part against the design.")(compare)
 app.command(short_help="A rod followed live, its ends tracked by sensors.")(live)
 app.command(short_help="The curves of a drawing made such as a rod takes.")(project)
 app.add_typer(study_app, name="study", short_help="The papers' experiments beside ours, at any size.")

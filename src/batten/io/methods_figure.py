@@ -33,5 +33,5 @@ def figure(outcome: Outcome[MethodsPart]) -> Figure:
     for axes in (left, right):
         axes.set_ylim(0.0, 1.0)
         axes.spines[["top", "right"]].set_visible(False)
-    left.legend(frameon=False, fontsize=9)
+    left.legend(frameon=False, fontsize=9, loc="center right", bbox_to_anchor=(1.0, 0.58))
     return whole
