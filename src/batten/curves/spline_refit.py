@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from batten.errors import InvalidInputError
-from batten.typing import FloatArray, IntArray
+from batten.typing import BoolArray, FloatArray, IntArray
 
 #: Samples on each piece, and how often the points may slide along the curve.
 _SAMPLES, _SLIDES = 12, 30
@@ -143,7 +143,7 @@ def _constraint(
 
 
 def _solve(
-    rows: FloatArray, values: FloatArray, constraint: tuple[FloatArray, FloatArray], free: FloatArray, start: FloatArray
+    rows: FloatArray, values: FloatArray, constraint: tuple[FloatArray, FloatArray], free: BoolArray, start: FloatArray
 ) -> FloatArray:
     """Least squares of rows · x = values for the free points, about `start` for the others, with the constraint met."""
     conditions, sides = constraint

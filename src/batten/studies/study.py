@@ -187,7 +187,7 @@ def _run_in_threads(
             running[pool.submit(study.run_part, seed, number, count)] = number
         while running:
             done, _ = wait(running, return_when=FIRST_COMPLETED)
-            for future in done:
+            for future in sorted(done, key=running.__getitem__):
                 number = running.pop(future)
                 for following, count in islice(waiting, 1):
                     running[pool.submit(study.run_part, seed, following, count)] = following
