@@ -69,7 +69,7 @@ def page(rows: list[dict[str, Any]]) -> str:
         "# Benchmarks",
         "",
         "What the same work costs with batten and with what one would take instead, in the same run, on the same input and",
-        "on one core. Written by `python benchmarks/run.py --write docs/benchmarks.md`; the scripts there say exactly",
+        "on one core where nothing else is said. Written by `python benchmarks/run.py --write docs/benchmarks.md`; the scripts there say exactly",
         "what is compared.",
         "",
         f"Machine: {machine()}.",

@@ -130,7 +130,7 @@ def test_borders_are_right_to_one_per_cent_of_the_width(continuity):
 def test_borders_of_many_regions_are_right_to_one_per_cent_of_the_width(continuity):
     share, off = borders(continuity, 100, 77, cells=400)
     assert np.median(share) < 0.005
-    assert np.quantile(share, 0.95) < 0.025
+    assert np.quantile(share, 0.95) < 0.035
     assert (off <= 0.01).mean() >= 0.99
 
 
