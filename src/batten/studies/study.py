@@ -122,7 +122,8 @@ def run(
 
     Parameters:
         study: which. size: number of curves, ≥ 1. seed: ≥ 0; the same seed gives the same numbers, bit for bit, whatever
-            the number of workers, on one machine or several of one kind.
+            the number of workers, on one machine or several of one kind; to rounding (1e-13) in the process that compiles
+            the kernels, once after an installation, and on machines of another kind.
         progress: called as progress(name, done, size) when a part is done.
         workers: threads, ≥ 1; None takes one for each core.
         scheduler: address of a dask.distributed scheduler, such as "tcp://10.0.0.1:8786", whose workers run the parts
