@@ -83,7 +83,7 @@ def test_the_border_brackets_the_limit(continuity):
 
 
 def misclassified(region, number, cells):
-    """Of polygon `number`: (share of its places that are wrong, how far from the true border, over the region's width).
+    """Of polygon `number`: (area that is wrong, area, how far from the true border, over the region's width).
 
     By brute force on a grid of `cells` along the width: bad places inside, and good ones outside that hang together with
     good ones inside. The true border lies half a step, give or take that much, before the nearest node of the other kind.
@@ -99,7 +99,7 @@ def misclassified(region, number, cells):
     far = np.where(good, ndimage.distance_transform_edt(good), ndimage.distance_transform_edt(~good))
     off = (far - 0.5) * step / region.width
     wrong = (own & ~good) | (good & ~inside & np.isin(labels, np.unique(labels[good & own])))
-    return wrong.sum() / own.sum(), float(off[wrong].max(initial=0.0))
+    return wrong.sum() * step**2, own.sum() * step**2, float(off[wrong].max(initial=0.0))
 
 
 def rowwise(polygons, places):
@@ -108,13 +108,17 @@ def rowwise(polygons, places):
 
 
 def borders(continuity, count, seed, cells):
+    """For each region the share of its area that is wrong, and for each polygon how far its border is off."""
     rng = np.random.default_rng(seed)
-    found = []
+    shares, off = [], []
     for _ in range(count):
         proxy = random_proxy(rng, continuity)
         region = good_region(proxy, int(rng.integers(len(proxy.control_points))))
-        found += [misclassified(region, k, cells) for k in range(len(region.polygons))]
-    return np.array(found).T
+        if region.polygons:
+            found = np.array([misclassified(region, k, cells) for k in range(len(region.polygons))])
+            shares.append(found[:, 0].sum() / found[:, 1].sum())
+            off += found[:, 2].tolist()
+    return np.array(shares), np.array(off)
 
 
 @pytest.mark.parametrize("continuity", [1, 2])
@@ -129,8 +133,11 @@ def test_borders_are_right_to_one_per_cent_of_the_width(continuity):
 @pytest.mark.parametrize("continuity", [1, 2])
 def test_borders_of_many_regions_are_right_to_one_per_cent_of_the_width(continuity):
     share, off = borders(continuity, 100, 77, cells=400)
+    print(
+        f"C{continuity}: wrong area {np.quantile(share, [0.5, 0.95, 1.0])}, within 1 % {(off <= 0.01).mean()} of {len(off)}"
+    )
     assert np.median(share) < 0.005
-    assert np.quantile(share, 0.95) < 0.035
+    assert np.quantile(share, 0.95) < 0.025
     assert (off <= 0.01).mean() >= 0.99
 
 

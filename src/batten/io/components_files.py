@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 
 from batten.io.components_figure import figure
-from batten.io.study_files import parquet_modules
-from batten.io.study_parts import PARTS, keep, kept, written_file
+from batten.io.study_files import parquet_modules, written_study
+from batten.io.study_parts import PARTS, keep, kept
 from batten.studies.component_paths import control_points, residual
 from batten.studies.components import (
     DEFAULT_SIZE,
@@ -34,8 +34,6 @@ from batten.studies.components import (
 from batten.studies.components_lines import lines
 from batten.studies.study import Progress
 from batten.typing import FloatArray
-
-_DPI = 130.0
 
 
 def run_in(
@@ -97,15 +95,9 @@ def write(study: ComponentStudy, directory: str | Path) -> list[Path]:
     pyarrow, parquet = parquet_modules()
     columns = _columns(study)
     table = pyarrow.table({name: pyarrow.array(column, from_pandas=True) for name, column in columns.items()})
-    drawing = figure(study)
-    folder = Path(directory)
-    folder.mkdir(parents=True, exist_ok=True)
-    text = "".join(line + "\n" for line in lines(study))
-    paths = [folder / f"components.{ending}" for ending in ("txt", "parquet", "png")]
-    written_file(paths[0], lambda file: file.write(text.encode()))
-    written_file(paths[1], lambda file: parquet.write_table(table, file))
-    written_file(paths[2], lambda file: drawing.savefig(file, format="png", dpi=_DPI))
-    return paths
+    return written_study(
+        directory, "components", lines(study), lambda file: parquet.write_table(table, file), figure(study)
+    )
 
 
 def _columns(study: ComponentStudy) -> dict[str, Any]:

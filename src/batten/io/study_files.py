@@ -7,12 +7,14 @@ parts also seed, number, size and the version of batten.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
 from typing import IO, Any
+
+from matplotlib.figure import Figure
 
 from batten.errors import InvalidInputError
 from batten.io.study_parts import PARTS, keep, kept, written_file
@@ -93,12 +95,25 @@ def write(outcome: Outcome[Record], directory: str | Path) -> list[Path]:
     pyarrow, parquet = parquet_modules()
     name = outcome.study.name
     figure = import_module(f"batten.io.{name}_figure").figure(outcome)
+    return written_study(
+        directory,
+        name,
+        outcome.study.lines(outcome),
+        lambda file: _write_parquet(outcome, file, pyarrow, parquet),
+        figure,
+    )
+
+
+def written_study(
+    directory: str | Path, name: str, lines: Sequence[str], fill_parquet: Callable[[IO[bytes]], object], figure: Figure
+) -> list[Path]:
+    """NAME.txt, NAME.parquet and NAME.png in a folder that is made where it is missing, each whole or not at all."""
     folder = Path(directory)
     folder.mkdir(parents=True, exist_ok=True)
-    text = "".join(line + "\n" for line in outcome.study.lines(outcome))
+    text = "".join(line + "\n" for line in lines)
     paths = [folder / f"{name}.{ending}" for ending in ("txt", "parquet", "png")]
     written_file(paths[0], lambda file: file.write(text.encode()))
-    written_file(paths[1], lambda file: _write_parquet(outcome, file, pyarrow, parquet))
+    written_file(paths[1], fill_parquet)
     written_file(paths[2], lambda file: figure.savefig(file, format="png", dpi=_DPI))
     return paths
 

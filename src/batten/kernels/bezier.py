@@ -32,7 +32,7 @@ _SUMS = {"reassoc", "contract", "arcp", "nsz"}
 
 
 @njit(cache=True, error_model="numpy", fastmath=_SUMS)
-def _panel(f, left, width, nodes):
+def panel_moments(f, left, width, nodes):
     """Write x, y, κ and ds at the 24 nodes of [left, left + width] to the rows of `nodes` (4, 24); return their moments.
 
     The curve starts at 0 and f is (f0x, f0y, f1x, f1y, f2x, f2y), the edges of its control polygon. γ' × γ'' is
@@ -71,7 +71,7 @@ def _panel(f, left, width, nodes):
 
 
 @njit(cache=True, error_model="numpy", fastmath=_SUMS)
-def _solve(moments, nodes, panels):
+def affine_fit(moments, nodes, panels):
     """Least squares of κ ≈ a + b x + c y: (a, b, c, ∫ds, ∫κ²ds, ∫residual² ds) from the moments and the panels' nodes.
 
     Stable if y is not nearly proportional to x; a coordinate without variation of its own gets coefficient 0.
@@ -102,7 +102,7 @@ def _solve(moments, nodes, panels):
 
 
 @njit(cache=True, error_model="numpy")
-def _frame(p):
+def polygon_frame(p):
     """(ux, uy, |u|, edges, flag): the edges of the control polygon divided by u, from p[0] to its farthest point.
 
     flag: 0 curved, 1 a straight line run through in one direction, 2 a straight line that doubles back, 3 a single
@@ -188,11 +188,10 @@ def _roots(f):
     return r1x, r1y, r2x, r2y
 
 
-@njit(cache=True, error_model="numpy")
-def _panels(f, condition, nodes):
-    """Nodes on dyadic panels that all meet `condition`: (moments, how many panels, whether a cusp was met)."""
+@njit(cache=True, no_cfunc_wrapper=True, nogil=True, error_model="numpy")
+def dyadic_panels(f, condition, lefts, widths):
+    """Left ends and widths of dyadic panels that all meet `condition`: (how many, whether a cusp was met)."""
     r1x, r1y, r2x, r2y = _roots(f)
-    s = sx = sy = sk = sxx = sxy = syy = sxk = syk = skk = 0.0
     cusp = False
     count = 0
     # The panel [index, index + 1] × width, where 1/width = 2^level: a walk over the binary tree without a stack.
@@ -208,20 +207,29 @@ def _panels(f, condition, nodes):
             index, level, width = 2 * index, level + 1, 0.5 * width
             continue
         cusp = cusp or not fits
-        m = _panel(f, left, width, nodes[count])
-        s, sx, sy, sk, sxx = s + m[0], sx + m[1], sy + m[2], sk + m[3], sxx + m[4]
-        sxy, syy, sxk, syk, skk = sxy + m[5], syy + m[6], sxk + m[7], syk + m[8], skk + m[9]
+        lefts[count], widths[count] = left, width
         count += 1
         index += 1
         while index & 1 == 0:
             index, level, width = index >> 1, level - 1, 2.0 * width
         if level == 0 or count == MOST_PANELS:
-            return (s, sx, sy, sk, sxx, sxy, syy, sxk, syk, skk), count, cusp or level > 0
+            return count, cusp or level > 0
+
+
+@njit(cache=True, no_cfunc_wrapper=True, nogil=True, error_model="numpy")
+def fit_on_panels(f, lefts, widths, count, nodes):
+    """(a, b, c, ∫ds, ∫κ² ds, ∫r² ds) in the frame, with the values at the nodes of `count` panels left in `nodes`."""
+    s = sx = sy = sk = sxx = sxy = syy = sxk = syk = skk = 0.0
+    for j in range(count):
+        m = panel_moments(f, lefts[j], widths[j], nodes[j])
+        s, sx, sy, sk, sxx = s + m[0], sx + m[1], sy + m[2], sk + m[3], sxx + m[4]
+        sxy, syy, sxk, syk, skk = sxy + m[5], syy + m[6], sxk + m[7], syk + m[8], skk + m[9]
+    return affine_fit((s, sx, sy, sk, sxx, sxy, syy, sxk, syk, skk), nodes, count)
 
 
 @njit(cache=True, error_model="numpy")
 def _write_flat(flag, length, out):
-    """The columns of a curve that has no curvature, by the flags of `_frame`."""
+    """The columns of a curve that has no curvature, by the flags of `polygon_frame`."""
     for j in range(7):
         out[j] = 0.0 if flag < 3 else math.nan
     if flag < 4:
@@ -255,18 +263,21 @@ def curvature_fit_batch(control_points, condition, out):
 
     condition: from `panel_condition`, or 0 for one panel of 24 nodes whatever the curve.
     """
-    nodes = np.empty((MOST_PANELS if condition > 0.0 else 1, 4, 24))
+    most = MOST_PANELS if condition > 0.0 else 1
+    nodes, lefts, widths = np.empty((most, 4, 24)), np.zeros(most), np.ones(most)
     for i in range(control_points.shape[0]):
         p = control_points[i]
-        ux, uy, scale, f, flag = _frame(p)
+        ux, uy, scale, f, flag = polygon_frame(p)
         if flag >= 3:
             _write_flat(flag, 0.0, out[i])
             continue
         if condition > 0.0:
-            moments, panels, cusp = _panels(f, condition, nodes)
+            panels, cusp = dyadic_panels(f, condition, lefts, widths)
+            fit = fit_on_panels(f, lefts, widths, panels, nodes)
         else:
-            moments, panels, cusp = _panel(f, 0.0, 1.0, nodes[0]), 1, False
+            cusp = False
+            fit = affine_fit(panel_moments(f, 0.0, 1.0, nodes[0]), nodes, 1)
         if flag > 0:
-            _write_flat(flag, moments[0] * scale, out[i])
+            _write_flat(flag, fit[3] * scale, out[i])
         else:
-            _write_fit(p, ux, uy, scale, _solve(moments, nodes, panels), cusp, out[i])
+            _write_fit(p, ux, uy, scale, fit, cusp, out[i])

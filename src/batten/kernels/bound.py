@@ -26,9 +26,8 @@ import math
 import numpy as np
 from numba import njit
 
-from batten.kernels.bezier import MOST_PANELS, _frame
+from batten.kernels.bezier import MOST_PANELS, dyadic_panels, fit_on_panels, polygon_frame
 from batten.kernels.elastica import elastica_constants_exact, evaluate
-from batten.kernels.lambda_residual_gradient import dyadic_panels, fit_on_panels
 from batten.kernels.quadrature import NODES_24
 
 
@@ -260,7 +259,7 @@ def bound_batch(control_points, out, elastica):
     points = np.empty((6, 25 * MOST_PANELS + 1))
     for n in range(control_points.shape[0]):
         p = control_points[n]
-        ux, uy, size, f, flag = _frame(p)
+        ux, uy, size, f, flag = polygon_frame(p)
         out[n], elastica[n] = math.nan, math.nan
         if flag >= 3:
             continue

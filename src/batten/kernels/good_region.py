@@ -14,12 +14,12 @@ import math
 import numpy as np
 from numba import njit
 
-from batten.kernels.bezier import MOST_PANELS, _frame, _panel, _solve
+from batten.kernels.bezier import MOST_PANELS, affine_fit, dyadic_panels, panel_moments, polygon_frame
 from batten.kernels.elastica import _TERMS, base_series, elastica_constants, evaluate, point_on
 from batten.kernels.elliptic import incomplete_f
 from batten.kernels.initial_guess import GUESS_BAD, _amplitude, _count_segments, initial_guess
-from batten.kernels.lambda_residual_gradient import dyadic_panels
 from batten.kernels.quadrature import NODES_24, WEIGHTS_24
+from batten.kernels.segments import segments_cross
 from batten.kernels.stability import conjugate_length
 
 #: Columns of the limits: e_λ, angle error, |κ| of the guess, stability margin (0: none), no crossing (1), panel condition.
@@ -277,7 +277,7 @@ def piece_values(p, limits, whole, lefts, widths, nodes, heights):
 
     whole: all four whatever the limits. Straight lines: 0, 0, 0, inf.
     """
-    _, _, scale, f, flag = _frame(p)
+    _, _, scale, f, flag = polygon_frame(p)
     if flag > 0:
         if flag == 1:
             return 0.0, 0.0, 0.0, math.inf
@@ -287,11 +287,11 @@ def piece_values(p, limits, whole, lefts, widths, nodes, heights):
         return 1.0, FAR, FAR, 0.0
     s = sx = sy = sk = sxx = sxy = syy = sxk = syk = skk = 0.0
     for j in range(count):
-        m = _panel(f, lefts[j], widths[j], nodes[j])
+        m = panel_moments(f, lefts[j], widths[j], nodes[j])
         s, sx, sy, sk, sxx = s + m[0], sx + m[1], sy + m[2], sk + m[3], sxx + m[4]
         sxy, syy, sxk, syk, skk = sxy + m[5], syy + m[6], sxk + m[7], syk + m[8], skk + m[9]
     moments = (s, sx, sy, sk, sxx, sxy, syy, sxk, syk, skk)
-    fit = _solve(moments, nodes, count)
+    fit = affine_fit(moments, nodes, count)
     residual = min(1.0, math.sqrt(fit[5] / fit[4]))
     if residual >= limits[RESIDUAL] and not whole:
         return residual, FAR, FAR, 0.0
@@ -338,15 +338,7 @@ def crosses(points, first, affected, fixed):
                         continue
                     cx, cy = first[other, l]
                     dx, dy = first[other, l + 1]
-                    if max(ax, bx) < min(cx, dx) or max(cx, dx) < min(ax, bx):
-                        continue
-                    if max(ay, by) < min(cy, dy) or max(cy, dy) < min(ay, by):
-                        continue
-                    s1 = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
-                    s2 = (bx - ax) * (dy - ay) - (by - ay) * (dx - ax)
-                    s3 = (dx - cx) * (ay - cy) - (dy - cy) * (ax - cx)
-                    s4 = (dx - cx) * (by - cy) - (dy - cy) * (bx - cx)
-                    if s1 * s2 < 0.0 and s3 * s4 < 0.0:
+                    if segments_cross(ax, ay, bx, by, cx, cy, dx, dy):
                         return True
     return False
 

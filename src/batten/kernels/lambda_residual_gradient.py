@@ -17,45 +17,8 @@ import math
 import numpy as np
 from numba import njit
 
-from batten.kernels.bezier import MOST_PANELS, _frame, _panel, _roots, _solve
-from batten.kernels.quadrature import DEEPEST, NODES_24, WEIGHTS_24
-
-
-@njit(cache=True, no_cfunc_wrapper=True, nogil=True, error_model="numpy")
-def dyadic_panels(f, condition, lefts, widths):
-    """Left ends and widths of the panels that `curvature_fit_batch` takes: (how many, whether a cusp was met)."""
-    r1x, r1y, r2x, r2y = _roots(f)
-    cusp = False
-    count = 0
-    index, level, width = 0, 0, 1.0
-    along, across = 1.0 / (condition * condition), 1.0 / (condition * condition - 1.0)
-    while True:
-        left = index * width
-        u1, u2 = r1x - (left + 0.5 * width), r2x - (left + 0.5 * width)
-        limit = 0.25 * width * width
-        fits = u1 * u1 * along + r1y * r1y * across >= limit and u2 * u2 * along + r2y * r2y * across >= limit
-        if not fits and level < DEEPEST:
-            index, level, width = 2 * index, level + 1, 0.5 * width
-            continue
-        cusp = cusp or not fits
-        lefts[count], widths[count] = left, width
-        count += 1
-        index += 1
-        while index & 1 == 0:
-            index, level, width = index >> 1, level - 1, 2.0 * width
-        if level == 0 or count == MOST_PANELS:
-            return count, cusp or level > 0
-
-
-@njit(cache=True, no_cfunc_wrapper=True, nogil=True, error_model="numpy")
-def fit_on_panels(f, lefts, widths, count, nodes):
-    """(a, b, c, ∫ds, ∫κ² ds, ∫r² ds) in the frame, with the values at the nodes of `count` panels left in `nodes`."""
-    s = sx = sy = sk = sxx = sxy = syy = sxk = syk = skk = 0.0
-    for j in range(count):
-        m = _panel(f, lefts[j], widths[j], nodes[j])
-        s, sx, sy, sk, sxx = s + m[0], sx + m[1], sy + m[2], sk + m[3], sxx + m[4]
-        sxy, syy, sxk, syk, skk = sxy + m[5], syy + m[6], sxk + m[7], syk + m[8], skk + m[9]
-    return _solve((s, sx, sy, sk, sxx, sxy, syy, sxk, syk, skk), nodes, count)
+from batten.kernels.bezier import MOST_PANELS, dyadic_panels, fit_on_panels, polygon_frame
+from batten.kernels.quadrature import NODES_24, WEIGHTS_24
 
 
 @njit(cache=True, no_cfunc_wrapper=True, nogil=True, error_model="numpy")
@@ -112,7 +75,7 @@ def lambda_residual_gradient_batch(control_points, condition, values, gradients)
     most = MOST_PANELS if condition > 0.0 else 1
     nodes, lefts, widths = np.empty((most, 4, 24)), np.zeros(most), np.ones(most)
     for n in range(control_points.shape[0]):
-        ux, uy, size, f, flag = _frame(control_points[n])
+        ux, uy, size, f, flag = polygon_frame(control_points[n])
         gradients[n] = math.nan
         if flag > 0:
             values[n] = 0.0 if flag == 1 else (1.0 if flag == 2 else math.nan)

@@ -19,9 +19,8 @@ import math
 import numpy as np
 from numba import njit
 
-from batten.kernels.bezier import MOST_PANELS, _frame
+from batten.kernels.bezier import MOST_PANELS, dyadic_panels, fit_on_panels, polygon_frame
 from batten.kernels.bezier_projection import last_edges
-from batten.kernels.lambda_residual_gradient import dyadic_panels, fit_on_panels
 from batten.kernels.quadrature import NODES_24, WEIGHTS_24
 
 SHORTEST, LONGEST = math.log(0.1), math.log(6.0)  # walls: beyond them a square is added
@@ -86,7 +85,7 @@ def residual(shape, x, y, condition, slopes, work):
     p[1, 0], p[1, 1] = l1 * shape[0], l1 * shape[1]
     p[2, 0], p[2, 1] = shape[4] + l2 * shape[2], l2 * shape[3]
     p[3, 0] = shape[4]
-    ux, uy, size, f, flag = _frame(p)
+    ux, uy, size, f, flag = polygon_frame(p)
     if flag > 0:
         return 0.0 if flag == 1 else 1.0, 0.0, 0.0, 0.0, 0.0
     count, cusp = dyadic_panels(f, condition, lefts, widths)

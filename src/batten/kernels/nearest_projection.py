@@ -13,7 +13,7 @@ import math
 import numpy as np
 from numba import njit
 
-from batten.kernels.bezier import LAMBDA_RESIDUAL, _frame, curvature_fit_batch
+from batten.kernels.bezier import LAMBDA_RESIDUAL, curvature_fit_batch, polygon_frame
 from batten.kernels.least_residual import (
     AT_X,
     AT_Y,
@@ -398,7 +398,7 @@ def nearest_batch(control_points, threshold, keep, tables, conditions, out, stat
             status[n] = DEGENERATE if flag == 1 else NOT_FINITE
             continue
         q[:] = p
-        if threshold >= 0.0 or _frame(p)[4] == 1:
+        if threshold >= 0.0 or polygon_frame(p)[4] == 1:
             curvature_fit_batch(control_points[n : n + 1], conditions[1], fit)
             if fit[0, LAMBDA_RESIDUAL] <= max(threshold, 0.0):
                 status[n] = KEPT

@@ -15,6 +15,7 @@ import numpy as np
 from numba import njit
 
 from batten.kernels.good_region import violation, work_space
+from batten.kernels.segments import segments_cross
 
 #: What `trace_rings` returns besides a count of points: all is well; the border leaves the lattice at the side of the least
 #: or most first index, least or most second; the arrays for points are too short.
@@ -164,15 +165,7 @@ def crosses_itself(points, count):
         for j in range(i + 2, count - (i == 0)):
             cx, cy = points[j]
             dx, dy = points[(j + 1) % count]
-            if max(ax, bx) < min(cx, dx) or max(cx, dx) < min(ax, bx):
-                continue
-            if max(ay, by) < min(cy, dy) or max(cy, dy) < min(ay, by):
-                continue
-            s1 = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
-            s2 = (bx - ax) * (dy - ay) - (by - ay) * (dx - ax)
-            s3 = (dx - cx) * (ay - cy) - (dy - cy) * (ax - cx)
-            s4 = (dx - cx) * (by - cy) - (dy - cy) * (bx - cx)
-            if s1 * s2 < 0.0 and s3 * s4 < 0.0:
+            if segments_cross(ax, ay, bx, by, cx, cy, dx, dy):
                 return True
     return False
 

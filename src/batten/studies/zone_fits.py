@@ -72,9 +72,8 @@ def run_part(seed: int, part: int, count: int) -> FitsPart:
 def lines(outcome: Outcome[FitsPart]) -> list[str]:
     """What the study prints: distances to the nearest elastica, and how they go with the λ-residual.
 
-    The curves are drawn as in the study `zone`. The paper fits by four routines of MATLAB, from one first guess. Its bounds
-    are maxima of samples: a local search in Π, not run to its end, reached 0.0090 in L², and 0.1219 in H¹ (all constraints
-    satisfied, thirteen starts), a little above 0.12. The 38,826 curves of seed 0 have 0.0077 and 0.1064.
+    The curves are drawn as in the study `zone`. The paper fits by four routines of MATLAB, from one first guess; its bounds
+    are maxima of samples. The 38,826 curves of seed 0 have 0.0077 and 0.1064.
     """
     results = outcome.results
     out = [
