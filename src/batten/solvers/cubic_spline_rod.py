@@ -178,7 +178,7 @@ class CubicSplineRod:
         ends, iterations = self._ends, 0
         for more in _MORE_NODES:
             space = SplineSpace.of(ends, len(control) - 3, more * self.gauss_nodes)
-            unknowns, steps, word = minimise_energy(space, space.unknowns(control), self.least_arm)
+            unknowns, steps, word = minimise(space, space.unknowns(control), self.least_arm)
             iterations += steps
             found = space.control_points(unknowns)
             curve = BSplineCurve(space.knots, ends.start + ends.length * found)
@@ -243,18 +243,18 @@ def _end_angle(curve: BSplineCurve, ends: ClampedEnds) -> float:
 def with_middle_knots(control: FloatArray) -> FloatArray:
     """Control points of the same cubic spline on uniform knots with twice as many pieces."""
     pieces = len(control) - 3
-    spline = BSpline(uniform_knots(pieces), control, 3)
+    spline = BSpline(knots_of(pieces), control, 3)
     for i in range(pieces):
         spline = spline.insert_knot((i + 0.5) / pieces)
     return np.asarray(spline.c)
 
 
-def uniform_knots(pieces: int) -> FloatArray:
+def knots_of(pieces: int) -> FloatArray:
     return np.concatenate([np.zeros(3), np.linspace(0.0, 1.0, pieces + 1), np.ones(3)])
 
 
 @lru_cache(maxsize=32)
-def derivative_basis(pieces: int, nodes: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+def basis_at(pieces: int, nodes: int) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Derivatives Bᵢ′, Bᵢ″ at the Gauss nodes of all pieces, shape (m, n) each, and the weights (m,).
 
     Pieces with more than 100 nodes are cut: rules of high order are dear to make, and no better at a near-cusp.
@@ -262,7 +262,7 @@ def derivative_basis(pieces: int, nodes: int) -> tuple[FloatArray, FloatArray, F
     panels = pieces * -(-nodes // 100)
     x, w = np.polynomial.legendre.leggauss(-(-nodes * pieces // panels))
     t = ((np.arange(panels)[:, None] + 0.5 * (x + 1.0)) / panels).ravel()
-    spline = BSpline(uniform_knots(pieces), np.eye(pieces + 3), 3)
+    spline = BSpline(knots_of(pieces), np.eye(pieces + 3), 3)
     return spline(t, 1), spline(t, 2), np.tile(0.5 * w / panels, panels)
 
 
@@ -291,7 +291,7 @@ class SplineSpace:
     @classmethod
     def of(cls, ends: ClampedEnds, pieces: int, gauss_nodes: int) -> SplineSpace:
         """The space with so many pieces; `gauss_nodes` are shared out among them."""
-        first, second, weights = derivative_basis(pieces, max(_NODES_A_PIECE, -(-gauss_nodes // pieces)))
+        first, second, weights = basis_at(pieces, max(_NODES_A_PIECE, -(-gauss_nodes // pieces)))
         n, inner = pieces + 3, pieces - 1
         base = np.zeros((n, 2))
         base[-2:] = (ends.end - ends.start) / ends.length
@@ -301,9 +301,7 @@ class SplineSpace:
         shape[0, 2:-2, 2 : 2 + inner] = shape[1, 2:-2, 2 + inner :] = np.eye(inner)
         rows = [(d, axis) for d in (first, second) for axis in (0, 1)]
         offsets = np.stack([d @ base[:, axis] for d, axis in rows])
-        return cls(
-            uniform_knots(pieces), base, shape, weights, offsets, np.stack([d @ shape[axis] for d, axis in rows])
-        )
+        return cls(knots_of(pieces), base, shape, weights, offsets, np.stack([d @ shape[axis] for d, axis in rows]))
 
     def control_points(self, unknowns: FloatArray) -> FloatArray:
         """Control points (n, 2) of unknowns (d,)."""
@@ -364,7 +362,7 @@ class SplineSpace:
         )
 
 
-def minimise_energy(space: SplineSpace, unknowns: FloatArray, least_arm: float) -> tuple[FloatArray, int, str]:
+def minimise(space: SplineSpace, unknowns: FloatArray, least_arm: float) -> tuple[FloatArray, int, str]:
     """The SQP on one knot vector: unknowns, number of steps, "converged" or what went wrong."""
     z = unknowns.copy()
     z[:2] = np.maximum(z[:2], least_arm)

@@ -15,9 +15,9 @@ from batten.measures.lambda_residual import lambda_residual
 from batten.solvers.cubic_spline_rod import (
     CubicSplineRod,
     SplineSpace,
-    derivative_basis,
-    minimise_energy,
-    uniform_knots,
+    basis_at,
+    knots_of,
+    minimise,
     with_middle_knots,
 )
 from batten.splines.spline_start import checked_points, hermite_cubics, interpolating_cubic
@@ -146,7 +146,7 @@ def _whole(
         unknowns = np.linalg.lstsq(
             space.shape.reshape(-1, space.shape.shape[2]), (control - space.base).T.reshape(-1), rcond=None
         )[0]
-        found, steps, word = minimise_energy(space, _lengthened(space, unknowns), _LEAST_ARM)
+        found, steps, word = minimise(space, _lengthened(space, unknowns), _LEAST_ARM)
         control, iterations = space.control_points(found), iterations + steps
         words.append(word)
         curve = BSplineCurve(space.knots, p[0] + length * control, 3)
@@ -184,8 +184,8 @@ def _lengthened(space: SplineSpace, unknowns: FloatArray) -> FloatArray:
 
 def _space(p: FloatArray, angles: tuple[float, float], pieces: int) -> SplineSpace:
     """All cubic splines of so many cubics through p (a rod of length 1 from 0), by two arms and a basis of the rest."""
-    first, second, weights = derivative_basis(pieces, _NODES)
-    knots, n = uniform_knots(pieces), pieces + 3
+    first, second, weights = basis_at(pieces, _NODES)
+    knots, n = knots_of(pieces), pieces + 3
     at = BSpline(knots, np.eye(n), 3)(np.linspace(0.0, 1.0, len(p))[1:-1])  # (inner points, n)
     inverse = np.linalg.pinv(at[:, 2:-2]) if len(p) > 2 else np.zeros((n - 4, 0))
     rest = np.linalg.qr(at[:, 2:-2].T, mode="complete")[0][:, len(p) - 2 :] if n > 4 else np.zeros((0, 0))
