@@ -21,10 +21,12 @@ _WHERE = {
     "DesignLimits": "batten.splines.design_limits",
     "Elastica": "batten.curves.elastica",
     "ElasticSplineDesign": "batten.splines.elastic_spline_design",
+    "LogAestheticCurve": "batten.curves.log_aesthetic",
     "PiecewiseCurve": "batten.curves.piecewise",
     "Polyline": "batten.curves.polyline",
     "RodTracker": "batten.solvers.track",
     "Similarity": "batten.curves.similarity",
+    "Spiral": "batten.curves.spiral",
     "analytic_description": "batten.splines.analytic_description",
     "analytic_descriptions": "batten.splines.analytic_description",
     "approximate": "batten.splines.approximate",
@@ -34,12 +36,14 @@ _WHERE = {
     "curvature_residual": "batten.measures.curvature_residual",
     "elastic_spline": "batten.splines.elastic_spline",
     "elastica_distance_bound": "batten.measures.bound",
+    "euler_spiral": "batten.curves.spiral",
     "fit_elastica": "batten.solvers.elastica_fit",
     "fit_elastica_batch": "batten.solvers.elastica_fit",
     "good_region": "batten.solvers.good_region",
     "h1_distance": "batten.measures.distance",
     "hausdorff_distance": "batten.measures.distance",
     "initial_elastica": "batten.solvers.initial_guess",
+    "interpolating_spline": "batten.splines.interpolating_spline",
     "is_elastica_like": "batten.solvers.bezier_criteria",
     "l2_distance": "batten.measures.distance",
     "lambda_class": "batten.measures.lambda_class",
@@ -66,9 +70,12 @@ if TYPE_CHECKING:
     from batten.curves.cubic_proxy import Border as Border
     from batten.curves.cubic_proxy import CubicProxy as CubicProxy
     from batten.curves.elastica import Elastica as Elastica
+    from batten.curves.log_aesthetic import LogAestheticCurve as LogAestheticCurve
     from batten.curves.piecewise import PiecewiseCurve as PiecewiseCurve
     from batten.curves.polyline import Polyline as Polyline
     from batten.curves.similarity import Similarity as Similarity
+    from batten.curves.spiral import Spiral as Spiral
+    from batten.curves.spiral import euler_spiral as euler_spiral
     from batten.measures.bending_energy import bending_energy as bending_energy
     from batten.measures.bound import elastica_distance_bound as elastica_distance_bound
     from batten.measures.curvature_fit import basic_length as basic_length
@@ -105,6 +112,7 @@ if TYPE_CHECKING:
     from batten.splines.design_limits import DesignLimits as DesignLimits
     from batten.splines.elastic_spline import elastic_spline as elastic_spline
     from batten.splines.elastic_spline_design import ElasticSplineDesign as ElasticSplineDesign
+    from batten.splines.interpolating_spline import interpolating_spline as interpolating_spline
     from batten.splines.numerical_elastic_spline import numerical_elastic_spline as numerical_elastic_spline
 
 __all__ = [*_WHERE, "__version__"]
