@@ -56,6 +56,7 @@ _WHERE = {
     "project_path": "batten.solvers.path_projection",
     "projection_change": "batten.solvers.nearest_projection",
     "scale_invariant_curves": "batten.solvers.angle_constrained",
+    "scale_invariant_spline": "batten.splines.scale_invariant_spline",
     "snap_error": "batten.solvers.snap_error",
     "solve_boundary": "batten.solvers.boundary_value",
     "solve_boundary_batch": "batten.solvers.boundary_value",
@@ -114,6 +115,7 @@ if TYPE_CHECKING:
     from batten.splines.elastic_spline_design import ElasticSplineDesign as ElasticSplineDesign
     from batten.splines.interpolating_spline import interpolating_spline as interpolating_spline
     from batten.splines.numerical_elastic_spline import numerical_elastic_spline as numerical_elastic_spline
+    from batten.splines.scale_invariant_spline import scale_invariant_spline as scale_invariant_spline
 
 __all__ = [*_WHERE, "__version__"]
 

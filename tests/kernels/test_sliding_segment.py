@@ -10,8 +10,8 @@ from batten.solvers.angle_constrained import mec_exists, minimum_energy_curves, 
 
 def _solve(angles: np.ndarray, upright: bool, tension: float = 0.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     n = len(angles)
-    known, z = np.zeros((n, 2)), np.zeros((n, 3))
-    z[:, 1] = -0.5 * tension
+    known, z = np.zeros((n, 3)), np.zeros((n, 3))
+    known[:, 2], z[:, 1] = tension, -0.5 * tension
     out, status = np.empty((n, 7)), np.empty(n, dtype=np.int64)
     sliding_segment.sliding_batch(np.ascontiguousarray(angles), np.full(n, tension), upright, known, z, out, status)
     return z, out, status

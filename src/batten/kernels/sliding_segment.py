@@ -29,6 +29,9 @@ def _equations(z, start, end, tension, upright, values, tangents, miss, matrix):
     jacobian(0.0, 0.0, 0.0, kappa, fx, fy, elastica_constants(0.0, kappa, fx, fy), one, values, tangents)
     x, y, theta = values[0, 0], values[0, 1], values[0, 2]
     square = x * x + y * y
+    if not square > 1e-24:
+        miss[:] = math.inf
+        return 0.0
     chord = math.sqrt(square)
     # The angle from the wanted direction of the chord, −start.
     c, s = math.cos(start), math.sin(start)
@@ -89,7 +92,7 @@ def _newton(z, start, end, tension, upright, values, tangents, miss, matrix):
 
 @njit(cache=True, no_cfunc_wrapper=True, nogil=True)
 def _ends(z, chord, values, tangents, matrix, out):
-    """out[:7]: chord over length, curvatures at the ends for chord 1 and their derivatives by the two angles."""
+    """The row `out` of `sliding_segment` for a solution."""
     kappa, fx, fy = z[0], z[1], z[2]
     x, y = values[0, 0], values[0, 1]
     last = values[0, 3]
@@ -100,13 +103,12 @@ def _ends(z, chord, values, tangents, matrix, out):
     by = np.empty(3)
     for k in range(2):
         system[:] = matrix
-        # miss₀ = χ + start, miss₁ = θ − (end − start): their derivatives by start are (1, 1), by end (0, −1).
+        # miss = (χ + start, θ − end + start, …): minus its derivatives by the angle.
         by[0] = -1.0 if k == 0 else 0.0
         by[1] = -1.0 if k == 0 else 1.0
         by[2] = 0.0
         if not solve_linear(system, by, 3):
-            by[0] = by[1] = by[2] = math.nan
-        d_chord = 0.0
+            by[:] = math.nan
         d_x = 0.0
         d_y = 0.0
         for j in range(3):
@@ -121,7 +123,9 @@ def _ends(z, chord, values, tangents, matrix, out):
 
 @njit(cache=True, no_cfunc_wrapper=True, nogil=True)
 def sliding_segment(start, end, tension, upright, known, z, out):
-    """Solve for one segment; known: angles (2,) of the solution in z (3,), replaced on success. Returns a status.
+    """Solve for one segment; known: angles and tension (3,) of the solution in z (3,), replaced on success.
+
+    Returns a status.
 
     out: chord over length, the curvatures at the ends for chord 1, their derivatives (at the start by start, end; at the end
     by start, end).
@@ -135,21 +139,22 @@ def sliding_segment(start, end, tension, upright, known, z, out):
     miss = np.empty(3)
     matrix = np.empty((3, 3))
     trial = np.empty(3)
-    done_start, done_end = known[0], known[1]
+    done_start, done_end, done_tension = known[0], known[1], known[2]
     part = 1.0
     for _ in range(60):
         aim_start = done_start + part * (start - done_start)
         aim_end = done_end + part * (end - done_end)
+        aim_tension = done_tension + part * (tension - done_tension)
         trial[:] = z
-        good = _newton(trial, aim_start, aim_end, tension, upright, values, tangents, miss, matrix)
+        good = _newton(trial, aim_start, aim_end, aim_tension, upright, values, tangents, miss, matrix)
         # A curve that turns once more, or a jump to another branch, is not what lies next.
         if good:
-            reach = 4.0 * (abs(aim_start - done_start) + abs(aim_end - done_end)) * (2.0 + abs(z[0])) + 1e-9
-            good = abs(trial[0] - z[0]) <= max(reach, 1e-6)
+            reach = 4.0 * (abs(aim_start - done_start) + abs(aim_end - done_end)) + abs(aim_tension - done_tension)
+            good = abs(trial[0] - z[0]) <= reach * (2.0 + abs(z[0])) + 1e-6
         if good:
             z[:] = trial
-            done_start, done_end = aim_start, aim_end
-            known[0], known[1] = done_start, done_end
+            done_start, done_end, done_tension = aim_start, aim_end, aim_tension
+            known[0], known[1], known[2] = done_start, done_end, done_tension
             if part == 1.0:
                 chord = _equations(z, start, end, tension, upright, values, tangents, miss, matrix)
                 _ends(z, chord, values, tangents, matrix, out)
@@ -164,6 +169,6 @@ def sliding_segment(start, end, tension, upright, known, z, out):
 
 @njit(cache=True, no_cfunc_wrapper=True, nogil=True)
 def sliding_batch(angles, tension, upright, known, z, out, status):
-    """`sliding_segment` for rows (start, end) with tension (n,); known (n, 2), z (n, 3) hold the last solutions."""
+    """`sliding_segment` for rows (start, end) with tension (n,); known (n, 3), z (n, 3) hold the last solutions."""
     for i in range(angles.shape[0]):
         status[i] = sliding_segment(angles[i, 0], angles[i, 1], tension[i], upright, known[i], z[i], out[i])

@@ -123,7 +123,7 @@ def interpolating_spline(
         >>> round(ring.curve.length / (2.0 * np.pi), 12)
         1.0
     """
-    own = _points(points, closed)
+    own = check_points(points, closed)
     if method not in METHODS:
         raise InvalidInputError(f"method = {method!r}; allowed are {', '.join(METHODS)}")
     wish = _Wish(method, exponent, tension, fallback)
@@ -144,7 +144,8 @@ def interpolating_spline(
     )
 
 
-def _points(points: ArrayLike, closed: bool) -> FloatArray:
+def check_points(points: ArrayLike, closed: bool) -> FloatArray:
+    """The points as a read-only array (n, 2), or `InvalidInputError` in words."""
     own = np.array(points, dtype=np.float64)
     least = 3 if closed else 2
     if own.ndim != 2 or own.shape[1] != 2 or len(own) < least or not np.isfinite(own).all():

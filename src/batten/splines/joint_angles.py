@@ -101,18 +101,24 @@ _LARGEST_STEP = 1.0  # radians
 _CLOSE_TO_REACH = 1e-6
 
 
-def solve_joints(problem: JointProblem, family: SegmentFamily, first: FloatArray | None = None) -> JointSolution:
+def solve_joints(
+    problem: JointProblem,
+    family: SegmentFamily,
+    first: FloatArray | None = None,
+    memory: tuple[FloatArray, ...] = (),
+) -> JointSolution:
     """Find the angles.
 
     Parameters:
         problem: the polygon and the end conditions.
         family: of the segments.
-        first: angles u to start from; by default those of Hobby's linear system, or of none.
+        first: angles u to start from; by default those of Hobby's linear system.
+        memory: that of the ends of a solution nearby, of this or a similar family.
     """
     engine = _Engine(problem, family)
     u = first if first is not None else _linear_start(problem)
-    state = engine.newton(u, 1.0, ())
-    if state is None:
+    state = engine.newton(u, 1.0, memory)
+    if state is None and not memory:
         state = engine.wind() if family.winds else engine.follow()
     if state is None:
         angles = engine.problem.angles(engine.last)
@@ -219,6 +225,8 @@ class _Engine:
         """Damped Newton's method from u at a share of the turning angles."""
         state = self.state(u, share, memory)
         if state is None:
+            if memory:
+                return None
             u = np.zeros_like(u)
             state = self.state(u, share, ())
             if state is None:

@@ -126,12 +126,12 @@ class SlidingElastica:
 
     def ends(self, angles: FloatArray, chords: FloatArray, memory: tuple[FloatArray, ...] = ()) -> SegmentEnds:
         n = len(angles)
-        known, z = (m.copy() for m in memory) if memory else (np.zeros((n, 2)), np.zeros((n, 3)))
-        if not memory and self.tension:
-            z[:, 1] = -0.5 * self.tension * chords**2
+        tension = self.tension * chords**2
+        known, z = (m.copy() for m in memory) if memory else (np.zeros((n, 3)), np.zeros((n, 3)))
+        if not memory:  # straight rods
+            known[:, 2], z[:, 1] = tension, 0.0 if self.upright else -0.5 * tension
         rows = np.empty((n, 7))
         status = np.empty(n, dtype=np.int64)
-        tension = self.tension * chords**2
         sliding_kernel.sliding_batch(np.ascontiguousarray(angles), tension, self.upright, known, z, rows, status)
         exists = status == spiral_kernel.CONVERGED
         return SegmentEnds(rows[:, 1:3], rows[:, 3:7].reshape(-1, 2, 2), exists, (known, z))
