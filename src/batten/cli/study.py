@@ -162,6 +162,18 @@ def methods(
     _run("methods", size, seed, out, workers, scheduler)
 
 
+@app.command(short_help="Interpolating splines of every kind: Table 4.1 of Levien2009 with numbers.")
+def splines(
+    size: _Size = None, seed: _Seed = 0, out: _Out = None, workers: _Workers = None, scheduler: _Scheduler = None
+) -> None:
+    """Splines through random sequences of points, 100,000, and through designs such as people draw.
+
+    Prints which exist, their order of continuity, roundness, extensionality, locality, energies and what they do under
+    similarities, in a mirror and reversed. The figure shows all with curvature combs. Exit status: 0; 2 for bad input.
+    """
+    _run("splines", size, seed, out, workers, scheduler)
+
+
 @app.command(short_help="The papers' database of good regions: Fisker2018, section 5.2.")
 def database(
     out: Annotated[Path, typer.Option("-o", "--out", metavar="DIR", help="Folder for the Parquet file and a picture.")],

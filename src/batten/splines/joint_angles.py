@@ -177,12 +177,16 @@ class _Engine:
         last = self._end(self.problem.end, k[-1], 1, u[-1], c[-1], share)
         return np.concatenate([[first], inner, [last]])
 
-    @staticmethod
-    def _end(condition: EndCondition, k: FloatArray, side: int, angle: float, chord: float, share: float) -> float:
+    def _end(
+        self, condition: EndCondition, k: FloatArray, side: int, angle: float, chord: float, share: float
+    ) -> float:
+        """Residual of an end condition; a curvature that vanishes like |s|^α to the power 1/α: a simple root."""
         if condition.kind == "angle":
             return float(angle - share * condition.value)
         if condition.kind == "arc":
             return float(k[0] - k[1])
+        if condition.value == 0.0 and self.family.exponent != 1.0:
+            return float(np.copysign(abs(k[side]) ** (1.0 / self.family.exponent), k[side]))
         return float(k[side] - share * condition.value * chord)
 
     def bands(self, ends: SegmentEnds) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -198,16 +202,23 @@ class _Engine:
         lower[1:-1] = self.weight * d[:-1, 1, 0] / self.before
         main[1:-1] = self.weight * (d[:-1, 1, 1] / self.before - d[1:, 0, 0] / self.after)
         upper[1:-1] = -self.weight * d[1:, 0, 1] / self.after
-        main[0], upper[0] = self._end_slopes(self.problem.start, d[0], 0)
-        lower[-1], main[-1] = self._end_slopes(self.problem.end, d[-1], 1)
+        main[0], upper[0] = self._end_slopes(self.problem.start, ends, 0)
+        lower[-1], main[-1] = self._end_slopes(self.problem.end, ends, 1)
         return lower, main, upper
 
-    @staticmethod
-    def _end_slopes(condition: EndCondition, d: FloatArray, side: int) -> tuple[float, float]:
+    def _end_slopes(self, condition: EndCondition, ends: SegmentEnds, side: int) -> tuple[float, float]:
         if condition.kind == "angle":
             return (1.0, 0.0) if side == 0 else (0.0, 1.0)
+        k, d = (ends.curvatures[0], ends.slopes[0]) if side == 0 else (ends.curvatures[-1], ends.slopes[-1])
         row = d[0] - d[1] if condition.kind == "arc" else d[side]
-        return float(row[0]), float(row[1])
+        return float(row[0] * self._power(condition, k[side])), float(row[1] * self._power(condition, k[side]))
+
+    def _power(self, condition: EndCondition, k: float) -> float:
+        """Derivative of the power in `_end` by the curvature."""
+        if condition.kind == "arc" or condition.value != 0.0 or self.family.exponent == 1.0:
+            return 1.0
+        share = 1.0 / self.family.exponent
+        return float(share * max(abs(k), 1e-200) ** (share - 1.0))
 
     def solve(self, ends: SegmentEnds, right: FloatArray) -> FloatArray | None:
         """The linear system of `bands` for right-hand sides (m,) or (m, k); None if it is singular."""
@@ -341,7 +352,8 @@ class _Engine:
             elif condition.kind == "arc":
                 out[place] = (row[0, 1] - row[1, 1]) * by_end[place]
             else:
-                out[place] = row[side, 1] * by_end[place] - condition.value * c[place]
+                k = state.ends.curvatures[place][side]
+                out[place] = row[side, 1] * by_end[place] * self._power(condition, k) - condition.value * c[place]
         return out
 
     def _tangent(self, state: _State, before: FloatArray) -> FloatArray | None:

@@ -122,7 +122,8 @@ class BlendedArcs:
     """A segment of a circle spline: two arcs over one chord, blended by their angle (Séquin, Lee, Yin; Levien2009 §4.10).
 
     The point at t lies at the fraction t of the arc over the chord p–q whose angle to the chord is
-    τ(t) = start·cos²(πt/2) + end·sin²(πt/2); so the curvature at an end is that of the arc there, and its derivative 0.
+    τ(t) = start·cos²(πt/2) + end·sin²(πt/2). The curvature at an end is that of the arc there; its derivative is not 0 as
+    Levien2009 says, since τ″ is not.
 
     Parameters:
         p, q: the chord's ends, (2,).

@@ -54,6 +54,11 @@ class SegmentFamily(Protocol):
         """Whether a segment exists for all angles within `reach`, so that a full turn may be added to a segment."""
         ...
 
+    @property
+    def exponent(self) -> float:
+        """α where curvature vanishes like |s|^α at an inflection; 1 for all smooth curves."""
+        ...
+
     def ends(self, angles: FloatArray, chords: FloatArray, memory: tuple[FloatArray, ...] = ()) -> SegmentEnds:
         """End curvatures of segments with `angles` (n, 2) and `chords` (n,)."""
         ...
@@ -66,6 +71,7 @@ class EulerSpirals:
     name: str = "Euler spiral"
     reach: float = 2.0 * np.pi
     winds: bool = True
+    exponent: float = 1.0
 
     def ends(self, angles: FloatArray, chords: FloatArray, memory: tuple[FloatArray, ...] = ()) -> SegmentEnds:
         rows = np.empty((len(angles), 9))
@@ -117,6 +123,7 @@ class SlidingElastica:
     tension: float = 0.0
     reach: float = 2.0 * np.pi
     winds: bool = False
+    exponent: float = 1.0
 
     @property
     def name(self) -> str:
@@ -148,6 +155,7 @@ class HobbySegments:
     tension: float = 1.0
     reach: float = np.inf
     winds: bool = False
+    exponent: float = 1.0
 
     def __post_init__(self) -> None:
         if not 0.75 <= self.tension < np.inf:
