@@ -180,13 +180,10 @@ class _Engine:
     def _end(
         self, condition: EndCondition, k: FloatArray, side: int, angle: float, chord: float, share: float
     ) -> float:
-        """Residual of an end condition; a curvature that vanishes like |s|^α to the power 1/α: a simple root."""
         if condition.kind == "angle":
             return float(angle - share * condition.value)
         if condition.kind == "arc":
             return float(k[0] - k[1])
-        if condition.value == 0.0 and self.family.exponent != 1.0:
-            return float(np.copysign(abs(k[side]) ** (1.0 / self.family.exponent), k[side]))
         return float(k[side] - share * condition.value * chord)
 
     def bands(self, ends: SegmentEnds) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -202,23 +199,25 @@ class _Engine:
         lower[1:-1] = self.weight * d[:-1, 1, 0] / self.before
         main[1:-1] = self.weight * (d[:-1, 1, 1] / self.before - d[1:, 0, 0] / self.after)
         upper[1:-1] = -self.weight * d[1:, 0, 1] / self.after
-        main[0], upper[0] = self._end_slopes(self.problem.start, ends, 0)
-        lower[-1], main[-1] = self._end_slopes(self.problem.end, ends, 1)
+        main[0], upper[0] = self._end_slopes(self.problem.start, d[0], 0)
+        lower[-1], main[-1] = self._end_slopes(self.problem.end, d[-1], 1)
         return lower, main, upper
 
-    def _end_slopes(self, condition: EndCondition, ends: SegmentEnds, side: int) -> tuple[float, float]:
+    @staticmethod
+    def _end_slopes(condition: EndCondition, d: FloatArray, side: int) -> tuple[float, float]:
         if condition.kind == "angle":
             return (1.0, 0.0) if side == 0 else (0.0, 1.0)
-        k, d = (ends.curvatures[0], ends.slopes[0]) if side == 0 else (ends.curvatures[-1], ends.slopes[-1])
         row = d[0] - d[1] if condition.kind == "arc" else d[side]
-        return float(row[0] * self._power(condition, k[side])), float(row[1] * self._power(condition, k[side]))
+        return float(row[0]), float(row[1])
 
-    def _power(self, condition: EndCondition, k: float) -> float:
-        """Derivative of the power in `_end` by the curvature."""
-        if condition.kind == "arc" or condition.value != 0.0 or self.family.exponent == 1.0:
-            return 1.0
-        share = 1.0 / self.family.exponent
-        return float(share * max(abs(k), 1e-200) ** (share - 1.0))
+    def _wanted_change(self, state: _State) -> FloatArray:
+        """What a Newton step should change the residuals by. A curvature that vanishes like |s|^α is a root of order α."""
+        change = -state.miss
+        if not self.problem.closed and self.family.exponent != 1.0:
+            for place, condition in ((0, self.problem.start), (-1, self.problem.end)):
+                if condition.kind == "curvature" and condition.value == 0.0:
+                    change[place] *= self.family.exponent
+        return change
 
     def solve(self, ends: SegmentEnds, right: FloatArray) -> FloatArray | None:
         """The linear system of `bands` for right-hand sides (m,) or (m, k); None if it is singular."""
@@ -247,7 +246,7 @@ class _Engine:
             self.last = state.u
             if np.abs(state.miss).max(initial=0.0) < _TOLERANCE:
                 return self._polished(state)
-            step = self.solve(state.ends, -state.miss)
+            step = self.solve(state.ends, self._wanted_change(state))
             if step is None or not np.isfinite(step).all():
                 return None
             self.count += 1
@@ -266,7 +265,7 @@ class _Engine:
 
     def _polished(self, state: _State) -> _State:
         """One more step, if it makes the residual smaller."""
-        step = self.solve(state.ends, -state.miss)
+        step = self.solve(state.ends, self._wanted_change(state))
         if step is None or not np.isfinite(step).all():
             return state
         better = self.state(state.u + step, state.share, state.ends.memory)
@@ -352,8 +351,7 @@ class _Engine:
             elif condition.kind == "arc":
                 out[place] = (row[0, 1] - row[1, 1]) * by_end[place]
             else:
-                k = state.ends.curvatures[place][side]
-                out[place] = row[side, 1] * by_end[place] * self._power(condition, k) - condition.value * c[place]
+                out[place] = row[side, 1] * by_end[place] - condition.value * c[place]
         return out
 
     def _tangent(self, state: _State, before: FloatArray) -> FloatArray | None:
