@@ -108,8 +108,8 @@ def interpolating_spline(
         NoSolutionError: the spline does not exist or was not found; the message names the segment to blame.
 
     Accuracy:
-        Jumps of curvature at the points below 1e-12 over the mean chord (1e-8 for exponents below 1, whose curvature is steep
-        at an inflection); end points and tangents to 1e-13 of the chord.
+        Jumps of curvature at the points below 1e-12 over the mean chord (1e-8 for exponents below 1, whose curvature is
+        steep at an inflection); end points and tangents to 1e-13 of the chord.
     Degenerate cases:
         Points on a line in order give the line. Where the polygon turns straight back (by π) it turns to the left. The MEC
         exists only for points that turn little (§2.5); the Euler spiral always did, if need be with more windings.
