@@ -55,9 +55,9 @@ def read_surface(path: str | Path, scale_mm_per_unit: float | None = None, layer
             pointed one.
     """
     path = Path(path)
-    model = _open(path)
-    scale = _scale(path, model, scale_mm_per_unit)
-    found = [(o, where) for o, where in _objects(path, model, layer) if isinstance(o.Geometry, _SURFACES)]
+    model = open_model(path)
+    scale = mm_per_unit(path, model, scale_mm_per_unit)
+    found = [(o, where) for o, where in layer_objects(path, model, layer) if isinstance(o.Geometry, _SURFACES)]
     if len(found) != 1:
         raise InvalidInputError(f"{path}: {_not_one_surface(path, model, layer, [where for _, where in found])}")
     item, where = found[0]
@@ -72,7 +72,8 @@ def read_surface(path: str | Path, scale_mm_per_unit: float | None = None, layer
 _SURFACES = (rhino3dm.Brep, rhino3dm.Surface)  # an Extrusion is a Surface
 
 
-def _open(path: Path) -> Any:
+def open_model(path: Path) -> Any:
+    """The model that a .3dm file holds, as Rhino's library gives it."""
     if not path.is_file():
         what = "is a folder" if path.is_dir() else "no such file"
         raise InvalidInputError(f"{path}: {what}; give the path of a Rhino file (.3dm)")
@@ -85,7 +86,7 @@ def _open(path: Path) -> Any:
     return model
 
 
-def _scale(path: Path, model: Any, given: float | None) -> float:
+def mm_per_unit(path: Path, model: Any, given: float | None) -> float:
     """mm for one unit of the file."""
     if given is not None:
         if not (np.isfinite(given) and given > 0.0):
@@ -102,7 +103,7 @@ def _scale(path: Path, model: Any, given: float | None) -> float:
     return float(rhino3dm.UnitSystem.UnitScale(unit, rhino3dm.UnitSystem.Millimeters))
 
 
-def _objects(path: Path, model: Any, layer: str | None) -> Iterator[tuple[Any, str]]:
+def layer_objects(path: Path, model: Any, layer: str | None) -> Iterator[tuple[Any, str]]:
     """The file's objects on a layer, with the full path of their layer; parts of block definitions are left out."""
     layers = dict(enumerate(model.Layers))
     names = {index: entry.FullPath for index, entry in layers.items()}
@@ -125,7 +126,7 @@ def _not_one_surface(path: Path, model: Any, layer: str | None, found: list[str]
     if found:
         counts = ", ".join(f"{count} on layer '{where}'" for where, count in sorted(Counter(found).items()))
         return f"{len(found)} surfaces ({counts}); exactly one is allowed: name its layer, or keep one in the file"
-    kinds = Counter(type(item.Geometry).__name__ for item, _ in _objects(path, model, layer))
+    kinds = Counter(type(item.Geometry).__name__ for item, _ in layer_objects(path, model, layer))
     other = ", ".join(f"{count} {kind}" for kind, count in sorted(kinds.items())) or "nothing"
     hint = "explode the block instances in Rhino" if "InstanceReference" in kinds else "a NURBS surface is needed"
     return f"no surface; {place} holds {other}: {hint}"
@@ -147,7 +148,7 @@ def _surface(geometry: Any) -> BSplineSurface:
         surface = geometry if isinstance(geometry, rhino3dm.NurbsSurface) else geometry.ToNurbsSurface()
     if surface is None:
         raise FormatError("has no NURBS form; rebuild it in Rhino (Rebuild)")
-    knots_u, knots_v, points, weights = _surface_data(surface)
+    knots_u, knots_v, points, weights = surface_data(surface)
     if not np.isfinite(points).all():
         raise FormatError(
             f"has {np.count_nonzero(~np.isfinite(points).all(axis=2))} control points that are not numbers (NaN)"
@@ -177,7 +178,7 @@ def _surface(geometry: Any) -> BSplineSurface:
         raise InvalidInputError(f"cannot be cut: {error}") from error
 
 
-def _surface_data(surface: Any) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+def surface_data(surface: Any) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Complete knot vectors, control points (n, m, 3) and weights (n, m) of a NurbsSurface."""
     net = surface.Points
     rows = [[net[i, j] for j in range(net.CountV)] for i in range(net.CountU)]
@@ -216,9 +217,9 @@ def read_design_curves(
             rational (arcs, conics), not in such planes, or two in one plane.
     """
     path = Path(path)
-    model = _open(path)
-    scale = _scale(path, model, scale_mm_per_unit)
-    found = [(o, where) for o, where in _objects(path, model, layer) if isinstance(o.Geometry, rhino3dm.Curve)]
+    model = open_model(path)
+    scale = mm_per_unit(path, model, scale_mm_per_unit)
+    found = [(o, where) for o, where in layer_objects(path, model, layer) if isinstance(o.Geometry, rhino3dm.Curve)]
     if len(found) < 2:
         raise InvalidInputError(
             f"{path}: {len(found)} design curve{'s' if len(found) != 1 else ''} "
@@ -301,7 +302,7 @@ def write_cut_3dm(plan: CutPlan, path: str | Path, surface: BSplineSurface | Non
     """
     draw = Drawing(_COLOURS, "mm")
     if surface is not None:
-        draw.add("surface", "wanted surface", _rhino_surface(surface), {})
+        draw.add("surface", "wanted surface", rhino_surface(surface), {})
     for block in plan.blocks:
         texts = {"block": str(block.number), "row": str(block.row), "column": str(block.column)}
         low, high = (rhino3dm.Point3d(*map(float, c)) for c in (block.corner_mm, block.corner_mm + block.size_mm))
@@ -324,7 +325,8 @@ def write_cut_3dm(plan: CutPlan, path: str | Path, surface: BSplineSurface | Non
     draw.write(Path(path))
 
 
-def _rhino_surface(surface: BSplineSurface) -> Any:
+def rhino_surface(surface: BSplineSurface) -> Any:
+    """A surface as a `rhino3dm.NurbsSurface` with the same knots, control points and weights."""
     n, m = surface.control_points.shape[:2]
     result = rhino3dm.NurbsSurface.Create(3, surface.is_rational, surface.degree_u + 1, surface.degree_v + 1, n, m)
     weights = np.ones((n, m)) if surface.weights is None else surface.weights

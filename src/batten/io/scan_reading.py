@@ -6,6 +6,7 @@ import io
 import re
 from collections.abc import Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -61,7 +62,29 @@ def read_scan(path: str | Path, *, units: str = "mm") -> FloatArray:
     return points * UNITS_MM[units]
 
 
-def _ply(path: Path, data: bytes) -> FloatArray:
+class PlyHeader(NamedTuple):
+    """What the header of a PLY file says.
+
+    Attributes:
+        order: "" for text, else numpy's sign of the byte order.
+        elements: name, count, and (property, numpy type) of each element; a list has the types of its count and its
+            members, with a comma between.
+        lines: of the header.
+        end: where the data begins, in bytes.
+    """
+
+    order: str
+    elements: list[tuple[str, int, list[tuple[str, str]]]]
+    lines: int
+    end: int
+
+
+def ply_header(path: Path, data: bytes) -> PlyHeader:
+    """Read the header of a PLY file.
+
+    Raises:
+        FormatError: none, or one with a line that belongs to no header of version 1.0; the message names the line.
+    """
     end = re.search(rb"^end_header\r?\n", data, re.MULTILINE)
     if data[:3] != b"ply" or end is None:
         raise FormatError(
@@ -69,7 +92,7 @@ def _ply(path: Path, data: bytes) -> FloatArray:
         )
     lines = data[: end.start()].decode("latin-1").splitlines()
     kind = ""
-    elements: list[tuple[str, int, list[tuple[str, str]]]] = []  # name, count, (property, type); type "" for a list
+    elements: list[tuple[str, int, list[tuple[str, str]]]] = []
     for number, line in enumerate(lines[1:], start=2):
         words = line.split()
         try:
@@ -78,8 +101,8 @@ def _ply(path: Path, data: bytes) -> FloatArray:
                     pass
                 case ["element", name, number_of]:
                     elements.append((name, int(number_of), []))
-                case ["property", "list", _, _, name]:
-                    elements[-1][2].append((name, ""))
+                case ["property", "list", count, member, name]:
+                    elements[-1][2].append((name, f"{_PLY_TYPES[count]},{_PLY_TYPES[member]}"))
                 case ["property", scalar, name]:
                     elements[-1][2].append((name, _PLY_TYPES[scalar]))
                 case ["comment" | "obj_info", *_] | []:
@@ -90,39 +113,61 @@ def _ply(path: Path, data: bytes) -> FloatArray:
             raise FormatError(
                 f"{path}, line {number}: {line.strip()!r} is no line of a PLY header, version 1.0"
             ) from error
-    place = next((i for i, e in enumerate(elements) if e[0] == "vertex"), -1)
-    names = [name for name, _ in elements[place][2]] if place >= 0 else []
+    names = [name for element, _, properties in elements if element == "vertex" for name, _ in properties]
     if kind == "" or not {"x", "y", "z"} <= set(names):
         raise FormatError(f"{path}: the header names no format, or no element vertex with the properties x, y, z")
-    before, (_, count, properties) = elements[:place], elements[place]
-    ahead = sum(e[1] for e in before)
-    if kind == "ascii":
+    return PlyHeader(_PLY_FORMATS[kind], elements, len(lines) + 1, end.end())
+
+
+def ply_vertices(path: Path, data: bytes, header: PlyHeader) -> tuple[FloatArray, int]:
+    """The vertices of a PLY file, (n, 3), in its unit, and where the data behind them begins: a byte, or a line of text.
+
+    Raises:
+        FormatError: cut short; lists in front of the vertices or in them in a binary file; a line without numbers.
+    """
+    place = next(i for i, e in enumerate(header.elements) if e[0] == "vertex")
+    before, (_, count, properties) = header.elements[:place], header.elements[place]
+    names = [name for name, _ in properties]
+    if header.order == "":
+        ahead = sum(e[1] for e in before)
         columns = [names.index(axis) for axis in "xyz"]
-        first = len(lines) + 1 + ahead
-        return _rows(path, data[end.end() :].splitlines()[ahead : ahead + count], first, count, columns)
-    if any(not t for e in before for _, t in e[2]) or any(not t for _, t in properties):
+        lines = data[header.end :].splitlines()[ahead : ahead + count]
+        return _rows(path, lines, header.lines + ahead, count, columns), ahead + count
+    if any("," in t for e in before for _, t in e[2]) or any("," in t for _, t in properties):
         raise FormatError(f"{path}: lists in front of the points, or in them, are not read; write the points first")
-    order = _PLY_FORMATS[kind]
-    skip = end.end() + sum(e[1] * sum(np.dtype(t).itemsize for _, t in e[2]) for e in before)
-    record = np.dtype([(f"{i}", order + t) for i, (_, t) in enumerate(properties)])
+    skip = header.end + sum(e[1] * sum(np.dtype(t).itemsize for _, t in e[2]) for e in before)
+    record = np.dtype([(f"{i}", header.order + t) for i, (_, t) in enumerate(properties)])
     if len(data) < skip + count * record.itemsize:
         raise FormatError(
             f"{path}: cut short: {count} points of {record.itemsize} bytes are promised, "
             f"{max(0, len(data) - skip)} bytes are there"
         )
     table = np.frombuffer(data, record, count, skip)
-    return np.stack([table[f"{names.index(axis)}"].astype(np.float64) for axis in "xyz"], axis=1)
+    points = np.stack([table[f"{names.index(axis)}"].astype(np.float64) for axis in "xyz"], axis=1)
+    return points, skip + count * record.itemsize
+
+
+def _ply(path: Path, data: bytes) -> FloatArray:
+    return ply_vertices(path, data, ply_header(path, data))[0]
 
 
 def _stl(path: Path, data: bytes) -> FloatArray:
+    return np.unique(stl_triangles(path, data).reshape(-1, 3), axis=0)
+
+
+def stl_triangles(path: Path, data: bytes) -> FloatArray:
+    """The corners of an STL file's triangles, text or binary, shape (n, 3, 3), in its unit.
+
+    Raises:
+        FormatError: cut short, another format, a corner that is not finite.
+    """
     count = int.from_bytes(data[80:84], "little") if len(data) >= _STL_HEAD else -1
     if len(data) == _STL_HEAD + _STL_FACET * count:
         facet = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
-        corners = np.frombuffer(data, facet, count, _STL_HEAD)["corners"].reshape(-1, 3)
-        points = np.unique(corners, axis=0).astype(np.float64)
-        if not np.isfinite(points).all():
+        corners = np.frombuffer(data, facet, count, _STL_HEAD)["corners"].astype(np.float64)
+        if not np.isfinite(corners).all():
             raise FormatError(f"{path}: a corner of a triangle is not finite")
-        return points
+        return corners
     if not data.lstrip().startswith(b"solid"):
         raise FormatError(
             f"{path}: {len(data)} bytes; as binary STL with {count} triangles it would have "
@@ -135,8 +180,8 @@ def _stl(path: Path, data: bytes) -> FloatArray:
     if len(numbers) % 3:
         raise FormatError(f"{path}: {len(numbers)} lines 'vertex' are no whole number of triangles")
     if not numbers:
-        return np.zeros((0, 3))
-    return np.unique(_rows(path, [lines[i] for i in numbers], numbers, len(numbers), [1, 2, 3]), axis=0)
+        return np.zeros((0, 3, 3))
+    return _rows(path, [lines[i] for i in numbers], numbers, len(numbers), [1, 2, 3]).reshape(-1, 3, 3)
 
 
 def _xyz(path: Path, data: bytes) -> FloatArray:

@@ -275,7 +275,7 @@ class BSplineSurface:
         frame = perpendicular_frame(axis)
         grid = self.samples.points @ frame.T
         border = np.concatenate([grid[:-1, 0], grid[-1, :-1], grid[:0:-1, -1], grid[0, :0:-1]])
-        return not _crosses_itself(border)
+        return not crosses_itself(border)
 
 
 @dataclass(frozen=True, eq=False)
@@ -360,7 +360,7 @@ def _divide(sums: FloatArray, order: int) -> None:
         sums[1, 1, :, :3] = (sums[1, 1, :, :3] - wu * dv - wv * du - sums[1, 1, :, 3:] * point) / w
 
 
-def _crosses_itself(polygon: FloatArray) -> bool:
+def crosses_itself(polygon: FloatArray) -> bool:
     """Whether two edges of a closed polygon, (n, 2), that are not neighbours cross."""
     p, q = polygon, np.roll(polygon, -1, axis=0)
 
