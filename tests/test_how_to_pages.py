@@ -14,7 +14,7 @@ from batten.cli.main import main
 
 ROOT = Path(__file__).parents[1]
 #: Name of a page, with how many pieces of code and how many commands it has.
-PAGES = {"bend-a-rod": (3, 3), "draw-with-beziers": (2, 1)}
+PAGES = {"bend-a-rod": (3, 3), "design-a-surface": (2, 1), "draw-with-beziers": (2, 1)}
 PAGE = {name: (ROOT / f"docs/{name}.md").read_text("utf-8") for name in PAGES}
 
 
