@@ -18,6 +18,7 @@ from batten.curves.log_aesthetic import LogAestheticCurve
 from batten.curves.piecewise import PiecewiseCurve
 from batten.curves.spiral import spiral_from_row
 from batten.errors import InvalidInputError, NoSolutionError
+from batten.splines.generating_curve import GeneratingCurve
 from batten.splines.joint_angles import EndCondition, JointProblem, JointSolution, Status, solve_joints
 from batten.splines.local_tangents import local_segments
 from batten.splines.segment_family import EulerSpirals, HobbySegments, LogAesthetic, SegmentFamily, SlidingElastica
@@ -37,7 +38,7 @@ class InterpolatingSpline:
     Attributes:
         points: (n, 2), as given.
         closed: whether the last segment leads back to the first point.
-        method: by which it was made; "euler" where a fallback was taken.
+        method: by which it was made; "euler" where a fallback was taken, the name of a generating curve.
         asked: the method that was asked for.
         segments: one curve for each pair of neighbouring points.
         angles: (segments, 2), tangent angles at both ends of each segment to its chord, radians.
@@ -50,8 +51,8 @@ class InterpolatingSpline:
 
     points: FloatArray
     closed: bool
-    method: Method
-    asked: Method
+    method: str
+    asked: str
     segments: tuple[Curve, ...]
     angles: FloatArray
     status: Status
@@ -73,7 +74,7 @@ class InterpolatingSpline:
 
 def interpolating_spline(
     points: ArrayLike,
-    method: Method = "euler",
+    method: Method | GeneratingCurve = "euler",
     *,
     closed: bool = False,
     start: End = "natural",
@@ -88,7 +89,8 @@ def interpolating_spline(
     Joined with equal curvature: "euler": Euler spirals (§4.6); "mec": the least bending energy ∫κ² ds, or with `tension` c
     that of ∫κ² + c ds (§4.2); "log-aesthetic": κ = sign(s)|s|^exponent (§4.8); "kurgla1": elastica with the force across
     the chord (§4.9). "hobby": Metafont's cubics (§4.7), one linear system. From neighbours only: "circle": Séquin's blended
-    arcs (§4.10); "lagrange": cubics over chord lengths (§4.4); "ikarus": the same tangents, with biarcs (§4.5).
+    arcs (§4.10); "lagrange": cubics over chord lengths (§4.4); "ikarus": the same tangents, with biarcs (§4.5). A
+    `GeneratingCurve` in place of a name: segments cut from any curve, given by its curvature (§4.8).
 
     Parameters:
         points: shape (n, 2), n ≥ 2 (3 if closed), neighbours not the same; any unit of length.
@@ -125,8 +127,8 @@ def interpolating_spline(
         1.0
     """
     own = check_points(points, closed)
-    if method not in METHODS:
-        raise InvalidInputError(f"method = {method!r}; allowed are {', '.join(METHODS)}")
+    if not isinstance(method, GeneratingCurve) and method not in METHODS:
+        raise InvalidInputError(f"method = {method!r}; allowed are {', '.join(METHODS)} and a GeneratingCurve")
     wish = _Wish(method, exponent, tension, fallback)
     runs = _runs(len(own), closed, corners)
     last = len(runs) - 1
@@ -138,10 +140,18 @@ def interpolating_spline(
     segments = [s for m in made for s in m.segments]
     worst = max(made, key=lambda m: ("converged", "higher winding", "no solution").index(m.status))
     residual = float(np.max([m.residual for m in made]))
-    used: Method = worst.method
     angles = np.concatenate([m.angles for m in made])
     return InterpolatingSpline(
-        own, closed, used, method, tuple(segments), angles, worst.status, residual, worst.blame, worst.message
+        own,
+        closed,
+        worst.method,
+        worst.asked,
+        tuple(segments),
+        angles,
+        worst.status,
+        residual,
+        worst.blame,
+        worst.message,
     )
 
 
@@ -181,13 +191,15 @@ def _runs(n: int, closed: bool, corners: Sequence[int]) -> list[tuple[IntArray, 
 class _Wish:
     """What is asked of every run."""
 
-    method: Method
+    method: Method | GeneratingCurve
     exponent: float
     tension: float | None
     fallback: bool
 
     @property
     def family(self) -> SegmentFamily:
+        if isinstance(self.method, GeneratingCurve):
+            return self.method
         if self.method == "euler":
             return EulerSpirals()
         if self.method == "log-aesthetic":
@@ -231,7 +243,7 @@ def joint_problem(points: FloatArray, closed: bool, start: End = "natural", end:
 
 def _run(points: FloatArray, closed: bool, start: End, end: End, wish: _Wish, index: IntArray) -> InterpolatingSpline:
     """One smooth run."""
-    method = wish.method
+    method = wish.method if isinstance(wish.method, str) else wish.method.name
     if method in _LOCAL:
         if (start, end) != ("natural", "natural"):
             raise InvalidInputError(
@@ -290,7 +302,9 @@ def segment_curves(
         chord = float(problem.chords[i])
         direction = math.atan2(q[1] - p[1], q[0] - p[0])
         start, end = (float(a) for a in solution.angles[i])
-        if isinstance(family, EulerSpirals):
+        if isinstance(family, GeneratingCurve):
+            curves.append(family.curve(p, q, solution.ends.memory[0][i]))
+        elif isinstance(family, EulerSpirals):
             curves.append(spiral_from_row(p, direction + start, solution.ends.memory[0][i], chord))
         elif isinstance(family, LogAesthetic):
             k0, k1, c = solution.ends.memory[0][i, :3]
