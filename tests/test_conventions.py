@@ -10,9 +10,10 @@ from scipy.special import ellipj
 
 import batten
 from batten import CubicBezier, Elastica, Polyline, Similarity
-from batten.fabrication.job import BlocksJob
+from batten.fabrication.block_motions import move_blocks
+from batten.fabrication.job import BlocksJob, CutJob, KerfJob, SurfaceJob
 from batten.fabrication.plan import Block, CheckResult, RodPlacement
-from batten.fabrication.robot.cell import pose_from_xyz
+from batten.fabrication.robot.cell import cell_preset, pose_from_xyz
 from batten.fabrication.robot.motion import grip_poses
 from batten.fabrication.robot.spin_choice import spun
 from batten.fabrication.wall import Wall
@@ -333,6 +334,22 @@ def test_blocks_are_numbered_along_the_blade(blade_axis):
     assert {b.size_mm[2] for b in blocks} == {100.0}
 
 
+def test_motions_stand_in_the_order_of_cutting():
+    blocks = flat_wall("x").blocks(BlocksJob(clearance_mm=150.0))
+    rods = []
+    for leaf, block in enumerate(blocks, start=1):
+        middle = block.corner_mm + 0.5 * block.size_mm
+        plane = Plane(middle, (1.0, 0.0, 0.0), (0.0, 0.0, 1.0))
+        half = 0.5 * block.size_mm[0]
+        piece = Elastica((-half, 0.0), 0.0, 0.0, (0.0, 0.0), 2.0 * half)
+        points = piece.point_at(np.linspace(0.0, piece.length, 5))
+        rods.append(RodPlacement(block.number, leaf, plane, points, piece, piece.extended(150.0, 150.0), 150.0))
+    job = CutJob(SurfaceJob(), blocks=BlocksJob(order="serpentine"), kerf=KerfJob(offset=False))
+    motions = move_blocks(job, cell_preset("two-irb6620"), blocks, rods, "x", lambda stage, done, of: None)
+    assert [m.block for m in motions] == [1, 2, 3, 4, 8, 7, 6, 5]
+    assert all(rods[i].block == m.block for m in motions for i in m.rods)
+
+
 @pytest.mark.parametrize("blade_axis", ["x", "y"])
 def test_leaves_are_numbered_the_way_of_the_sweep(blade_axis):
     wall = flat_wall(blade_axis)
@@ -352,6 +369,18 @@ def test_planes_turn_counter_clockwise():
         assert math.atan2(x0 * y1 - y0 * x1, x0 * x1 + y0 * y1) == pytest.approx(0.1)
         middle = np.mean([p.origin for p in flat_wall(blade_axis).planes(100.0, 0.1)], axis=0)
         assert middle[:2] == pytest.approx([1000.0, 600.0])
+
+
+def test_a_fan_turns_most_in_the_middle():
+    for blade_axis in ("x", "y"):
+        wall = flat_wall(blade_axis)
+        straight = wall.planes(100.0, 0.0)[0].x_axis[:2]
+        for turn in (0.2, -0.2):
+            planes = wall.planes(100.0, turn, 0.05)
+            turns = [math.asin(straight[0] * p.x_axis[1] - straight[1] * p.x_axis[0]) for p in planes]
+            middle = max(range(len(planes)), key=lambda i: abs(turns[i]))
+            assert [turns[0], turns[middle], turns[-1]] == pytest.approx([turn / 4, turn, turn / 4])
+            assert planes[middle].signed_distance([1000.0, 600.0, 0.0]) == pytest.approx(0.0, abs=1e-9)
 
 
 def test_signed_distance_is_positive_on_the_side_of_the_normal():

@@ -63,9 +63,12 @@ def planned(stored):
 
 
 def bent(unknowns, angle0):
-    """Rods from θ(0), κ(0), λ₁, λ₂ by classical Runge–Kutta in their planes: x, y, θ at all stations, (n, 201, 3)."""
+    """Rods from θ(0), κ(0), λ₁, λ₂ by classical Runge–Kutta in their planes: x, y, θ at all stations, (n, 201, 3).
+
+    Two steps from station to station: with one, the strongest bent rods are off by 4e-5 mm.
+    """
     kappa0, force_x, force_y = unknowns.T
-    h = ROD_MM / STATIONS
+    h = 0.5 * ROD_MM / STATIONS
 
     def rate(state):
         x, y, theta = state.T
@@ -73,14 +76,14 @@ def bent(unknowns, angle0):
 
     state = np.stack([0.0 * kappa0, 0.0 * kappa0, angle0], axis=1)
     path = [state]
-    for _ in range(STATIONS):
+    for _ in range(2 * STATIONS):
         k1 = rate(state)
         k2 = rate(state + 0.5 * h * k1)
         k3 = rate(state + 0.5 * h * k2)
         k4 = rate(state + h * k3)
         state = state + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
         path.append(state)
-    return np.stack(path, axis=1)
+    return np.stack(path[::2], axis=1)
 
 
 def solved(ends, first):

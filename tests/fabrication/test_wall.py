@@ -120,11 +120,11 @@ def test_unturned_planes_hold_the_borders_and_the_spacing(surface, axis, spacing
 
 
 @pytest.mark.parametrize("axis", ["x", "y"])
-@pytest.mark.parametrize("turn", [0.0, 0.05, -0.3])
-def test_planes_come_in_the_order_in_which_the_blade_is_swept(surface, axis, turn) -> None:
+@pytest.mark.parametrize(("turn", "border"), [(0.0, None), (0.05, None), (-0.3, None), (0.3, 0.0), (-0.3, 0.1)])
+def test_planes_come_in_the_order_in_which_the_blade_is_swept(surface, axis, turn, border) -> None:
     wall = Wall.of(surface, (600.0, 400.0), axis)
     blocks = wall.blocks(BlocksJob())
-    planes = wall.planes(60.0, turn)
+    planes = wall.planes(60.0, turn, border)
     for block in blocks:
         to_work = np.linalg.inv(block.work_frame(axis))
         middle = block.corner_mm + 0.5 * block.size_mm
@@ -137,11 +137,23 @@ def test_planes_come_in_the_order_in_which_the_blade_is_swept(surface, axis, tur
 
 
 @pytest.mark.parametrize("axis", ["x", "y"])
-@pytest.mark.parametrize(("spacing", "turn"), [(50.0, 0.0), (50.0, 0.1), (33.0, -0.25), (20.0, 0.6)])
-def test_every_point_lies_within_the_spacing_of_a_plane_that_crosses_its_block(surface, axis, spacing, turn) -> None:
+@pytest.mark.parametrize(
+    ("spacing", "turn", "border"),
+    [
+        (50.0, 0.0, None),
+        (50.0, 0.1, None),
+        (33.0, -0.25, None),
+        (20.0, 0.6, None),
+        (50.0, 0.2, 0.0),
+        (33.0, -0.4, 0.25),
+    ],
+)
+def test_every_point_lies_within_the_spacing_of_a_plane_that_crosses_its_block(
+    surface, axis, spacing, turn, border
+) -> None:
     wall = Wall.of(surface, (600.0, 400.0), axis)
     blocks = wall.blocks(BlocksJob())
-    planes = wall.planes(spacing, turn)
+    planes = wall.planes(spacing, turn, border)
     plane_index, block_index = wall.crossings(planes, blocks)
     assert (np.diff(block_index) >= 0).all()
     for j, cell in enumerate(cells(blocks)):

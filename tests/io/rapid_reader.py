@@ -90,6 +90,7 @@ class Move:
     tool: str
     wobj: str | None
     text: str
+    seconds: float | None = None
     pose: np.ndarray | None = None
     quaternion: np.ndarray | None = None
     configuration: tuple[int, ...] | None = None
@@ -337,10 +338,17 @@ def read_move(module, kind, statement):
             options["NoEOffs"] = True
         else:
             raise RapidError(f"unknown option {option}")
-    words = []
+    words, seconds = [], None
     for _ in range(3):
         statement.take(",")
         words.append(statement.name())
+        if len(words) == 1 and statement.peek() == "\\":  # the time of the move in place of its speed
+            statement.take("\\")
+            statement.take("T")
+            statement.take(":=")
+            seconds = statement.value()
+            if not (isinstance(seconds, float) and seconds > 0.0):
+                raise RapidError(f"\\T:={seconds} is no time")
     speed, zone, tool = words
     wobj = None
     if statement.peek() == "\\":
@@ -355,7 +363,7 @@ def read_move(module, kind, statement):
     identity = options.get("ID")
     if identity is not None and (identity != int(identity) or identity < 1):
         raise RapidError(f"\\ID:={identity}")
-    move = Move(kind, None if identity is None else int(identity), speed, zone, tool, wobj, text)
+    move = Move(kind, None if identity is None else int(identity), speed, zone, tool, wobj, text, seconds)
     axes = numbers(target[-1], 6, "external axes") if isinstance(target, list) else None
     if axes is None or not (axes == 9e9).all():
         raise RapidError("external axes must be 9E9")

@@ -10,6 +10,7 @@ import pytest
 
 from batten.curves.elastica import Elastica
 from batten.errors import FormatError
+from batten.fabrication.job import KerfJob
 from batten.fabrication.plan import CheckResult
 from batten.io.cut_json import files_of_cut, read_cut_json, write_cut_json
 from batten.surfaces.plane import Plane
@@ -55,6 +56,22 @@ def test_every_number_comes_back_bit_by_bit(stored):
     assert re.fullmatch(r"batten (\d+\.\d+\.\d+.*|\(not installed\))", back.software)
 
 
+def test_planned_times_and_the_kerfs_law_come_back(stored):
+    path, plan, job = stored
+    motions = tuple(
+        dataclasses.replace(
+            m, planned_s=np.linspace(0.1, 1 / 3, len(m.rods) - 1) if i else np.full(len(m.rods) - 1, np.nan)
+        )
+        for i, m in enumerate(plan.motions)
+    )
+    kerf = KerfJob(False, "upper", 0.3, 4.0, 40.0, speeds_mm_s=(5.0, 20.0), widths_mm=(1.7, 0.1 + 0.2))
+    plan, job = dataclasses.replace(plan, motions=motions), dataclasses.replace(job, kerf=kerf)
+    write_cut_json(path, plan, job, {})
+    back = read_cut_json(path)
+    assert same(back.plan, plan)
+    assert back.job.kerf == kerf
+
+
 def test_a_plane_that_normalising_would_move_comes_back_as_it_was(stored):
     rng = np.random.default_rng(3)
     path, plan, job = stored
@@ -92,7 +109,7 @@ def test_writing_what_was_read_gives_the_same_file(stored, tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "says"),
     [
-        ('"schema": 1', '"schema": 2', "schema = 2: this batten"),
+        ('"schema": 2', '"schema": 1', "schema = 1: this batten"),
         ('"format": "batten cut"', '"format": "tea"', "format = 'tea'"),
         ('"format"', '"farmot"', "format = None"),
         ('"blade_axis": "x"', '"blade_axis": "z"', "blade_axis: 'z'"),

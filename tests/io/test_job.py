@@ -11,7 +11,7 @@ from pydantic import ConfigDict, TypeAdapter
 from batten.errors import BattenError, FormatError, InvalidInputError
 from batten.fabrication import job as plain
 from batten.fabrication.section import FlatSection, RoundSection, TubeSection
-from batten.io import job_fields
+from batten.io import cell_fields, job_fields
 from batten.io.job import load_job
 from batten.io.job_reference import job_reference
 
@@ -79,6 +79,55 @@ def test_the_documented_job_loads(write):
 def test_a_rod_is_round_or_a_tube_or_flat(write, fields, section):
     job = load_job(write("diameter_mm = 3.0", fields))
     assert job.rod.section == section
+
+
+@pytest.mark.parametrize(
+    ("fields", "wanted"),
+    [
+        ("offset = false", plain.KerfJob(offset=False)),
+        (
+            "speeds_mm_s = [5, 20, 40]\nwidths_mm = [2.8, 1.0, 0.7]\nside = 'upper'",
+            plain.KerfJob(side="upper", speeds_mm_s=(5.0, 20.0, 40.0), widths_mm=(2.8, 1.0, 0.7)),
+        ),
+        (
+            "formula = 'a + b / v'\na = 0.4\nb = 12\nmax_speed_mm_s = 40",
+            plain.KerfJob(formula="a + b / v", a=0.4, b=12.0, max_speed_mm_s=40.0),
+        ),
+    ],
+)
+def test_the_kerf_is_a_number_a_table_or_a_formula(write, fields, wanted):
+    assert load_job(write("[cell]\n", f"[kerf]\n{fields}\n[cell]\n")).kerf == wanted
+
+
+@pytest.mark.parametrize(
+    ("fields", "says"),
+    [
+        ("offset = 1", ":19: kerf.offset = 1: must be true or false; try true"),
+        ("speeds_mm_s = [5.0]", "kerf.speeds_mm_s = [5.0]: must be 2 to 100 values, each a number > 0"),
+        ("speeds_mm_s = [5.0, 9.0]", ":18: kerf: the kerf as a function of speed needs speeds_mm_s and widths_mm, or"),
+        ("speeds_mm_s = [9.0, 5.0]\nwidths_mm = [2.0, 1.0]", "above 0, ascending"),
+        ("formula = 'a + b'", 'must be "a + b / v" or "a * v^-b"'),
+        ("min_speed_mm_s = 50\nmax_speed_mm_s = 20", "min_speed_mm_s = 50 must be below max_speed_mm_s = 20"),
+        ("formula = 'a + b / v'\na = 0.4\nb = 30", ":18: kerf: blade.kerf_mm = 1, but [kerf] gives 1.9 mm"),
+        ("formula = 'a + b / v'\na = 0.4\nb = 30", "try kerf_mm = 1.9, or speed_mm_s = 50"),
+    ],
+)
+def test_a_kerf_that_is_none(write, fields, says):
+    with pytest.raises(InvalidInputError) as caught:
+        load_job(write("[cell]\n", f"[kerf]\n{fields}\n[cell]\n"))
+    assert says in str(caught.value)
+
+
+def test_planes_are_parallel_unless_a_fan_is_asked_for(write):
+    old = load_job(write()).leaves
+    assert (old.planes, old.turn_deg, old.border_turn_deg) == ("parallel", 0.0, "auto")
+    text = 'tolerance_mm = 0.5\nplanes = "fan"\nturn_deg = "auto"\nborder_turn_deg = 1.5'
+    new = load_job(write("tolerance_mm = 0.5", text)).leaves
+    assert (new.planes, new.turn_deg, new.border_turn_deg) == ("fan", "auto", 1.5)
+    with pytest.raises(InvalidInputError, match=r'leaves.planes = "cone": must be "parallel" or "fan"'):
+        load_job(write("tolerance_mm = 0.5", 'tolerance_mm = 0.5\nplanes = "cone"'))
+    with pytest.raises(InvalidInputError, match=r"leaves.border_turn_deg = -1"):
+        load_job(write("tolerance_mm = 0.5", "tolerance_mm = 0.5\nborder_turn_deg = -1.0"))
 
 
 def test_own_values_of_an_arm_reach_the_cell(write):
@@ -199,9 +248,9 @@ def test_a_job_file_that_is_not_there_or_no_text(tmp_path):
         (job_fields.RodSection, plain.RodJob),
         (job_fields.BladeSection, plain.BladeJob),
         (job_fields.GripperSection, plain.GripperJob),
-        (job_fields.ArmSection, plain.ArmJob),
-        (job_fields.KinematicsSection, plain.KinematicsJob),
-        (job_fields.CellSection, plain.CellJob),
+        (cell_fields.ArmSection, plain.ArmJob),
+        (cell_fields.KinematicsSection, plain.KinematicsJob),
+        (cell_fields.CellSection, plain.CellJob),
     ],
 )
 def test_the_file_and_the_values_have_the_same_fields(section, values):
@@ -214,7 +263,7 @@ def test_the_file_and_the_values_have_the_same_fields(section, values):
 
 
 def test_every_example_in_the_reference_is_allowed():
-    for model in vars(job_fields).values():
+    for model in (*vars(job_fields).values(), *vars(cell_fields).values()):
         if not (isinstance(model, type) and issubclass(model, job_fields.Section)) or model is job_fields.Section:
             continue
         for field in model.model_fields.values():

@@ -69,6 +69,20 @@ def test_every_rod_is_found_again_from_the_modules_alone(seed, rapid_reader):
         assert (found * wanted).sum(axis=1).min() > 0.0
 
 
+def test_planned_times_stand_in_both_modules_and_open_ones_in_neither(motion, modules, rapid_reader):
+    seconds = np.linspace(0.4, 1.9, 30)
+    seconds[[3, 17]] = np.nan
+    texts = rapid_modules(replace(motion, planned_s=seconds), CELL, leaves=range(31)).values()
+    for module, plain in zip(map(rapid_reader.read_module, texts), modules):
+        moves = module.synchronous
+        assert [m.seconds for m in moves[:2] + moves[-1:]] == [None] * 3, "the ways in and out keep the speed"
+        found = np.array([np.nan if m.seconds is None else m.seconds for m in moves[2:-1]])
+        assert found == pytest.approx(seconds, abs=5.1e-4, nan_ok=True)
+        for a, b in zip(moves, plain.synchronous, strict=True):
+            assert a.pose == pytest.approx(b.pose, abs=0)
+            assert (a.identity, a.speed, a.zone, b.seconds) == (b.identity, b.speed, b.zone, None)
+
+
 def test_both_arms_move_with_the_same_numbers_through_every_leaf(modules):
     left, right = modules
     identities = [m.identity for m in left.synchronous]
@@ -83,14 +97,16 @@ def test_both_arms_move_with_the_same_numbers_through_every_leaf(modules):
 
 def test_arms_meet_before_they_move_together(modules):
     left, right = modules
-    sync = ["WaitSyncTask:sync1", "SyncMoveOn:sync2", "SyncMoveOff:sync3"]
+    sync = ["WaitSyncTask:sync1", "SyncMoveOn:sync2", "SyncMoveOff:sync3", "WaitSyncTask:sync4"]
     for module in modules:
-        assert module.steps[:2] == ["ConfL", "MoveAbsJ"]
+        assert module.steps[:3] == ["ConfL", "MoveAbsJ", "MoveAbsJ"]
         assert [s for s in module.steps if s in sync] == sync
-        assert module.steps[-1] == sync[-1]
+        assert module.steps[-2:] == [sync[-1], "MoveAbsJ"]
         assert module.tasks == {"all_tasks": ["T_ROB1", "T_ROB2"]}
         assert module.steps.count("MoveL") == 33
-    assert "Stop" in left.steps[: left.steps.index(sync[1])]
+    assert "Stop" in left.steps[: left.steps.index(sync[1])], "the rod is fixed before they move together"
+    assert "Stop" in left.steps[left.steps.index(sync[2]) : left.steps.index(sync[3])], "and taken out before they part"
+    assert left.steps.count("Stop") == 2
     assert "Stop" not in right.steps
 
 
@@ -107,11 +123,18 @@ def test_approach_and_leave_lie_outside_the_block(modules, motion):
 
 def test_the_way_to_the_approach_ends_at_the_approach(modules):
     for module, robot in zip(modules, (CELL.left, CELL.right)):
-        (alone,) = module.alone
-        assert alone.kind == "MoveAbsJ"
+        assert [m.kind for m in module.alone] == ["MoveAbsJ"] * 3
+        alone = module.alone[1]
         at = np.linalg.inv(CELL.work_object) @ robot.forward(np.radians(alone.joints_deg))
         np.testing.assert_allclose(at[:3, 3], module.synchronous[0].pose[:3, 3], rtol=0, atol=0.01)
         np.testing.assert_allclose(at[:3, :3], module.synchronous[0].pose[:3, :3], rtol=0, atol=1e-5)
+
+
+def test_arms_come_and_go_over_postures_pulled_back(modules, motion):
+    for module, arm in zip(modules, (motion.left, motion.right)):
+        for alone, joints in ((module.alone[0], arm.approach_joints_rad), (module.alone[2], arm.leave_joints_rad)):
+            back = np.degrees(joints) + np.array([0.0, -40.0, 20.0, 0.0, 0.0, 0.0])
+            np.testing.assert_allclose(alone.joints_deg, back, rtol=0, atol=1e-5)
 
 
 def test_tools_work_object_and_speeds_are_the_cells_and_the_jobs(modules):
@@ -267,3 +290,10 @@ def test_the_reader_refuses_a_quaternion_that_is_not_normalised(files, rapid_rea
     longer = f"{float(first.group(1)) + 1e-4:.6f}"
     with pytest.raises(rapid_reader.RapidError, match="quaternion of length"):
         rapid_reader.read_module(text[: first.start(1)] + longer + text[first.end(1) :])
+
+
+def test_the_head_tells_the_place_in_the_order_of_cutting(motion):
+    modules = rapid_modules(motion, CELL, leaves=range(101, 132), name="freeform wall", turn=(3, 25))
+    assert list(modules) == ["freeform_wall_B007_L.mod", "freeform_wall_B007_R.mod"]  # the block's number, not its turn
+    for text in modules.values():
+        assert "  ! In the order of cutting it is number 3 of 25.\n" in text

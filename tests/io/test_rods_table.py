@@ -31,6 +31,23 @@ def test_the_rods_that_are_cut_and_no_others(tmp_path, make_plan, blade_axis):
         assert abs((row.end_mm - row.start_mm) @ row.plane_normal) < 1e-5
 
 
+def test_each_rod_has_the_time_of_the_move_to_it(tmp_path, make_plan):
+    plan, _ = make_plan(rows=1, columns=2, leaves=3)
+    left = dataclasses.replace(plan.motions[0], planned_s=np.array([1.25, np.nan]))
+    plan = dataclasses.replace(plan, motions=(left,))
+    write_rods_csv(tmp_path / "rods.csv", plan)
+    rows = {(r.block, r.leaf): r.move_s for r in read_rods_csv(tmp_path / "rods.csv")}
+    ends = np.array([[g.position_mm for g in plan.rods[i].grippers()] for i in left.rods])
+    way = np.linalg.norm(ends[2] - ends[1], axis=-1).max()
+    assert rows[1, 2] == 1.25
+    assert rows[1, 3] == pytest.approx(way / left.speed_mm_s, abs=5.1e-5)
+    # The made-up approach pose is the work frame's origin.
+    assert rows[1, 1] == pytest.approx(
+        max(np.linalg.norm(arm.poses[0, :3, 3]) for arm in (left.left, left.right)) / left.speed_mm_s, abs=5.1e-5
+    )
+    assert np.isnan(rows[2, 3]), "it is in no motion"
+
+
 def rebuilt(row, guess):
     """The elastica in the plane (start, start tangent) that has the row's length, end and end tangent."""
     y_axis = np.cross(row.plane_normal, row.start_tangent)
@@ -73,5 +90,5 @@ def test_a_table_that_is_none_is_named(tmp_path):
     with pytest.raises(FormatError, match=r"rods\.csv:1: must be the columns block,leaf,start_x_mm"):
         read_rods_csv(path)
     path.write_text(",".join(COLUMNS) + "\n1,2,3\n")
-    with pytest.raises(FormatError, match=r"rods\.csv:2: must be 18 numbers"):
+    with pytest.raises(FormatError, match=r"rods\.csv:2: must be 19 numbers"):
         read_rods_csv(path)

@@ -9,24 +9,25 @@ import numpy as np
 
 from batten.curves.elastica import Elastica, states_at
 from batten.errors import InvalidInputError
+from batten.fabrication.block_motions import flatter_ways, move_blocks
+from batten.fabrication.block_order import travel_mm, way_length_mm
+from batten.fabrication.checks.kerf import kerf_checks
 from batten.fabrication.checks.run import refusals, robot_checks, rod_checks, run_checks
 from batten.fabrication.job import CutJob
-from batten.fabrication.placement import bow, rod_placement
-from batten.fabrication.plan import Block, BlockMotion, CheckResult, CutPlan, RodPlacement, gripper_frames
+from batten.fabrication.kerf import BladeSurface, blade_surface, fit_blade_to_law
+from batten.fabrication.leaf_planes import LeafPlanes, choose_planes, crossing_pieces, least_bows, spare_before
+from batten.fabrication.plan import Block, BlockMotion, CheckResult, CutPlan, RodPlacement
 from batten.fabrication.robot.cell import RobotCell, cell_from_job
-from batten.fabrication.robot.motion import plan_block_motion
 from batten.fabrication.wall import BladeAxis, Wall, axis_of
 from batten.measures.lambda_class import BEST_BELOW, GOOD_BELOW
 from batten.surfaces.bspline_surface import BSplineSurface
 from batten.surfaces.foliation import intersect_planes
 from batten.surfaces.plane import Plane
 from batten.surfaces.rationalise import Chains, rationalise
+from batten.surfaces.straight_leaves import plane_between
 from batten.typing import FloatArray, IntArray
 
 Progress = Callable[[str, int, int], None]
-
-TURNS_DEG = (0.0, 2.0, -2.0, 3.0, -3.0, 4.0, -4.0, 6.0, -6.0, 8.0, -8.0, 10.0, -10.0, 15.0, -15.0)
-"""Turns that `turn_deg = "auto"` tries, in this order (Fisker2018 §5.4.3, Solution 1)."""
 
 _DESIGN_POINTS = 41
 
@@ -34,10 +35,10 @@ _DESIGN_POINTS = 41
 def plan_cut(job: CutJob, surface: BSplineSurface, progress: Progress | None = None) -> CutPlan:
     """Plan a whole cut (Fisker2018 §5.3–5.4, Brander2016 §5).
 
-    The wall is divided into blocks; parallel planes cut the surface into leaves; each leaf is cut at the block borders and
-    each piece approximated by an elastica with end points and tangents held, joints moved together where the tolerance is
-    missed; the pieces are extended to the rod's length, checked, and handed to the robots. Leaves that break a hard limit
-    are refused with all their pieces: no robot cuts them.
+    The wall is divided into blocks; planes cut the surface, or with `kerf.offset` the one half the kerf beside it, into
+    leaves; each leaf is cut at the block borders and each piece approximated by an elastica with end points and tangents
+    held, joints moved together where the tolerance is missed; the pieces are extended to the rod's length, checked, and
+    handed to the robots. Leaves that break a hard limit are refused with all their pieces: no robot cuts them.
 
     Parameters:
         job: validated values.
@@ -48,22 +49,25 @@ def plan_cut(job: CutJob, surface: BSplineSurface, progress: Progress | None = N
         The plan, refused leaves included (`status`, `reasons`).
 
     Raises:
-        InvalidInputError: a surface that is no graph over its plan, a rod shorter than a piece, a block that is too low.
+        InvalidInputError: a surface that is no graph over its plan, a rod shorter than a piece, a block that is too low, a
+            kerf that its law does not give, a surface too strongly curved for its offset.
     """
     tell = progress or (lambda stage, done, of: None)
+    fit_blade_to_law(job.kerf, job.blade)
     wall, reason = _choose_wall(job, surface)
+    wanted = blade_surface(job, surface)
     cell = replace(cell_from_job(job.cell), rod_is_round=job.rod.section.is_round)
     blocks = wall.blocks(job.blocks)
-    turn_deg = _choose_turn(job, wall) if job.leaves.turn_deg == "auto" else float(job.leaves.turn_deg)
-    chains = _fit_leaves(job, wall, wall.planes(job.leaves.spacing_mm, np.radians(turn_deg)), tell)
-    rods = _place(job, wall, blocks, chains, turn_deg)
+    family = _choose_planes(job, wall, wanted, blocks, tell)
+    chains = _fit_leaves(job, wall, wanted, family.planes, tell)
+    rods = _place(job, wall, wanted, blocks, chains, family)
     tell("check the rods", 0, 1)
     checks = rod_checks(job, surface, blocks, rods)
     rods = _refuse(rods, refusals(checks, rods))
     tell("check the rods", 1, 1)
     rods, motions, by_robots = _plan_robots(job, cell, blocks, rods, wall.blade_axis, tell)
-    checks += by_robots
-    facts = _facts(job, wall, blocks, rods, chains, turn_deg)
+    checks += by_robots + kerf_checks(job, blocks, rods, motions)
+    facts = _facts(job, wall, blocks, rods, motions, chains, family)
     return CutPlan(job.name, wall.blade_axis, reason, blocks, rods, checks, motions, facts)
 
 
@@ -71,7 +75,36 @@ _FIT_SHARE = 0.9
 """Share of the tolerance from which joints are moved: the distance is measured more finely in the checks."""
 
 
-def _fit_leaves(job: CutJob, wall: Wall, planes: tuple[Plane, ...], tell: Progress) -> Chains:
+def _choose_planes(
+    job: CutJob, wall: Wall, wanted: BladeSurface, blocks: tuple[Block, ...], tell: Progress
+) -> LeafPlanes:
+    """The planes of the leaves, with a search for their turn if the job leaves it open."""
+    tries = 0
+
+    def fit(planes: tuple[Plane, ...], thorough: bool) -> Chains:
+        nonlocal tries
+        tries += 1
+        tell("choose the planes", tries, tries + 1)
+        if thorough:
+            return _fit_leaves(job, wall, wanted, planes, lambda stage, done, of: None)
+        edges = wall.edges(planes)
+        return rationalise(
+            wanted.surface,
+            planes,
+            edges,
+            job.leaves.tolerance_mm,
+            inside=wall.contains,
+            extend=wanted.extend,
+            rounds=0,
+        )
+
+    family = choose_planes(job, wall, blocks, fit)
+    if tries:
+        tell("choose the planes", tries, tries)
+    return family
+
+
+def _fit_leaves(job: CutJob, wall: Wall, wanted: BladeSurface, planes: tuple[Plane, ...], tell: Progress) -> Chains:
     """Chains for all planes, with planes put between neighbours whose rods' ends point in too different directions.
 
     A plane between in which a rod would be too straight is left out: the turn is taken in one step there.
@@ -79,11 +112,12 @@ def _fit_leaves(job: CutJob, wall: Wall, planes: tuple[Plane, ...], tell: Progre
 
     def fit(some: tuple[Plane, ...], stage: str) -> Chains:
         return rationalise(
-            wall.surface,
+            wanted.surface,
             some,
             wall.edges(some),
             _FIT_SHARE * job.leaves.tolerance_mm,
             inside=wall.contains,
+            extend=wanted.extend,
             progress=lambda done, of: tell(stage, done, of),
         )
 
@@ -93,26 +127,13 @@ def _fit_leaves(job: CutJob, wall: Wall, planes: tuple[Plane, ...], tell: Progre
         after = np.flatnonzero(change > np.radians(job.leaves.max_turn_between_deg))
         if not after.size:
             break
-        between = tuple(
-            replace(chains.planes[i], origin=0.5 * (chains.planes[i].origin + chains.planes[i + 1].origin))
-            for i in after
-        )
+        between = tuple(plane_between(chains.planes[i], chains.planes[i + 1]) for i in after)
         added = fit(between, "fit leaves between")
-        good = np.flatnonzero(_least_bows(job, added) >= job.rod.min_bow_mm)
+        good = np.flatnonzero(least_bows(job, added) >= job.rod.min_bow_mm)
         if not good.size:
             break
         chains = chains.with_between(after[good], added.rows(good))
     return chains
-
-
-def _least_bows(job: CutJob, chains: Chains) -> FloatArray:
-    """Least bow of the rods of each chain, mm, (leaves,), over places of the piece from one end of the rod to the other."""
-    bows = np.full(chains.deviation.shape, np.inf)
-    known = np.isfinite(chains.parameters).all(axis=-1) & np.isfinite(chains.deviation)
-    parameters = chains.parameters[known]
-    spare = job.rod.length_mm - parameters[:, 6]
-    bows[known] = np.min([bow(parameters, f * spare, job.rod.length_mm) for f in np.linspace(0.0, 1.0, 5)], axis=0)
-    return np.asarray(bows.min(axis=1))
 
 
 def _end_turns(job: CutJob, chains: Chains) -> FloatArray:
@@ -148,30 +169,11 @@ def _choose_wall(job: CutJob, surface: BSplineSurface) -> tuple[Wall, str]:
     )
 
 
-def _choose_turn(job: CutJob, wall: Wall) -> float:
-    """The first turn in `TURNS_DEG` that leaves no piece too straight; the one with the greatest least bow if none does."""
-    best, best_bow = 0.0, -1.0
-    for turn in TURNS_DEG:
-        planes = wall.planes(job.leaves.spacing_mm, np.radians(turn))
-        few = tuple(p for i, p in enumerate(planes) if i < 3 or i >= len(planes) - 3 or i % 3 == 0)
-        chains = rationalise(
-            wall.surface, few, wall.edges(few), job.leaves.tolerance_mm, inside=wall.contains, rounds=0
-        )
-        least = float(_least_bows(job, chains).min())
-        if least >= job.rod.min_bow_mm:
-            return turn
-        if least > best_bow:
-            best, best_bow = turn, least
-    return best
-
-
 def _place(
-    job: CutJob, wall: Wall, blocks: tuple[Block, ...], chains: Chains, turn_deg: float
+    job: CutJob, wall: Wall, wanted: BladeSurface, blocks: tuple[Block, ...], chains: Chains, family: LeafPlanes
 ) -> tuple[RodPlacement, ...]:
     """One placement for every plane that crosses a block, block by block in cutting order."""
-    plane_index, block_index = wall.crossings(chains.planes, blocks)
-    columns = np.array([b.column for b in blocks])[block_index]
-    parameters = chains.parameters[plane_index, columns]
+    plane_index, block_index, parameters = crossing_pieces(wall, blocks, chains)
     missing = np.flatnonzero(~np.isfinite(parameters).all(axis=1))
     if missing.size:
         leaf, block = int(plane_index[missing[0]]) + 1, blocks[block_index[missing[0]]].number
@@ -179,26 +181,21 @@ def _place(
             f"leaf {leaf} has no elastica in block {block}, and {missing.size} pieces in all have none: the surface does not"
             " reach over the block there, or its section has no length; cut one whose plan is a rectangle along x and y"
         )
-    low = np.array([b.corner_mm for b in blocks])[block_index]
-    high = low + np.array([b.size_mm for b in blocks])[block_index]
-    planes = tuple(chains.planes[i] for i in plane_index)
-    before = rod_placement(parameters, planes, low, high, block_index, job.rod, job.gripper)
-    design = _design_points(wall, chains)
+    before = spare_before(job, blocks, chains, plane_index, block_index, parameters)
+    design = _design_points(wanted, chains)
     moved = np.abs(chains.moved).max(axis=1)
     rods = []
     for k, (i, j) in enumerate(zip(plane_index, block_index)):
         piece = Elastica.from_parameters(parameters[k])
-        repair = []
-        if turn_deg:
-            repair.append(f"planes turned by {turn_deg:g}°")
+        repair = [family.repair] if family.repair else []
         if moved[i, 0] > 0.0:
             repair.append(f"border points moved by up to {moved[i, 0]:.2f} mm and {np.degrees(moved[i, 1]):.2f}°")
         rods.append(
             RodPlacement(
                 block=blocks[j].number,
                 leaf=int(i) + 1,
-                plane=planes[k],
-                design=design[i, columns[k]],
+                plane=chains.planes[i],
+                design=design[i, blocks[j].column],
                 piece=piece,
                 rod=piece.extended(before[k], job.rod.length_mm - piece.length - before[k]),
                 before_mm=float(before[k]),
@@ -208,11 +205,13 @@ def _place(
     return tuple(rods)
 
 
-def _design_points(wall: Wall, chains: Chains) -> FloatArray:
+def _design_points(wanted: BladeSurface, chains: Chains) -> FloatArray:
     """Points of the wanted leaves in their planes, shape (leaves, columns, points, 2)."""
     low, width = chains.edges[:, :-1, None], np.diff(chains.edges)[..., None]
     x = low + width * np.linspace(0.0, 1.0, _DESIGN_POINTS)
-    section = intersect_planes(wall.surface, list(chains.planes), x.reshape(len(x), -1), order=1, extend=0.25)
+    section = intersect_planes(
+        wanted.surface, list(chains.planes), x.reshape(len(x), -1), order=1, extend=wanted.extend
+    )
     return np.stack([x, section.y.reshape(x.shape)], axis=-1)
 
 
@@ -243,9 +242,10 @@ def _plan_robots(
     The checks hold the values of the final motions, and for leaves that were refused those that refused them.
     """
     checks: tuple[CheckResult, ...] = ()
+    motions: tuple[BlockMotion, ...] = ()
     while True:
-        motions = _move(job, cell, blocks, rods, blade_axis, tell)
-        new = robot_checks(motions, cell, len(rods))
+        motions = move_blocks(job, cell, blocks, rods, blade_axis, tell, known=motions)
+        new = robot_checks(job, blocks, rods, motions, cell, blade_axis)
         refused = _refused_leaves(rods)
         if checks:
             gone = np.array([rod.status == "refused" for rod in rods])
@@ -256,58 +256,14 @@ def _plan_robots(
             return rods, motions, checks
 
 
-def _move(
-    job: CutJob,
-    cell: RobotCell,
-    blocks: tuple[Block, ...],
-    rods: tuple[RodPlacement, ...],
-    blade_axis: BladeAxis,
-    tell: Progress,
-) -> tuple[BlockMotion, ...]:
-    """The robots' motions, one for every block that has a rod to cut."""
-    motions = []
-    members: dict[int, list[int]] = {}
-    for i, rod in enumerate(rods):
-        if rod.status == "ok":
-            members.setdefault(rod.block, []).append(i)
-    for done, block in enumerate(blocks):
-        tell("plan the robots", done, len(blocks))
-        chosen = members.get(block.number, [])
-        if not chosen:
-            continue
-        to_work = np.linalg.inv(block.work_frame(blade_axis))
-        rotation, origin = to_work[:3, :3].T, to_work[:3, 3]
-        frames = gripper_frames([rods[i] for i in chosen])
-        ends = [
-            (frames.positions_mm[:, k] @ rotation + origin, frames.tangents[:, k] @ rotation, frames.normals @ rotation)
-            for k in range(2)
-        ]
-        half = 0.5 * float(block.size_mm[1 if blade_axis == "x" else 0])
-        first = min(float(p[0][0, 1]) for p in ends)
-        last = max(float(p[0][-1, 1]) for p in ends)
-        motions.append(
-            plan_block_motion(
-                cell,
-                ends[0],
-                ends[1],
-                job.blade.speed_mm_s,
-                max(0.0, first + half) + job.blade.approach_mm,
-                max(0.0, half - last) + job.blade.approach_mm,
-                block=block.number,
-                rods=chosen,
-            )
-        )
-    tell("plan the robots", len(blocks), len(blocks))
-    return tuple(motions)
-
-
 def _facts(
     job: CutJob,
     wall: Wall,
     blocks: tuple[Block, ...],
     rods: tuple[RodPlacement, ...],
+    motions: tuple[BlockMotion, ...],
     chains: Chains,
-    turn_deg: float,
+    family: LeafPlanes,
 ) -> dict[str, float | int | str]:
     used: IntArray = np.flatnonzero(np.isfinite(chains.deviation).any(axis=1))
     residual = np.where(np.isfinite(chains.deviation), chains.lambda_residual, np.nan)
@@ -320,7 +276,9 @@ def _facts(
         "leaves": len({r.leaf for r in rods}),
         "rods": len(rods),
         "refused_leaves": len(refused),
-        "turn_deg": turn_deg,
+        "turn_deg": family.turn_deg,
+        **({} if family.border_turn_deg is None else {"border_turn_deg": family.border_turn_deg}),
+        **family.facts,
         "repaired_leaves": len({r.leaf for r in rods if any("border points" in text for text in r.repair)}),
         "leaves_not_close_to_elastica": int((worst >= BEST_BELOW).sum()),
         "leaves_far_from_elastica": int((worst >= GOOD_BELOW).sum()),
@@ -328,18 +286,13 @@ def _facts(
         "pieces_outside_tolerance_before_repair": int((chains.first_deviation > job.leaves.tolerance_mm).sum()),
         "worst_deviation_before_repair_mm": float(np.nanmax(chains.first_deviation)),
         "longest_piece_mm": float(np.nanmax(chains.parameters[..., 6])),
-        "cut_time_s": float(_cut_seconds(job, rods)),
+        "cut_time_s": float(sum(m.seconds[1:-1].sum() for m in motions)),
+        "ways_less_steep_than_the_surface": flatter_ways(job, blocks, rods, motions, wall.blade_axis),
+        "travel_between_blocks_mm": way_length_mm(range(len(motions)), travel_mm(motions)),
+        **({} if job.blocks.order == "numbered" else {"block_order": " ".join(str(m.block) for m in motions)}),
     }
-
-
-def _cut_seconds(job: CutJob, rods: tuple[RodPlacement, ...]) -> float:
-    """Time that the blade spends in the foam: for every block, the way of the faster end over the speed."""
-    cut = [r for r in rods if r.status == "ok"]
-    ways = np.linalg.norm(np.diff(gripper_frames(cut).positions_mm, axis=0), axis=2).max(axis=1)
-    same_block = np.diff([r.block for r in cut]) == 0
-    return float(ways[same_block].sum()) / job.blade.speed_mm_s
 
 
 def check_again(plan: CutPlan, job: CutJob, surface: BSplineSurface) -> tuple[CheckResult, ...]:
     """All checks of a plan once more, from its stored numbers."""
-    return run_checks(job, surface, plan.blocks, plan.rods, plan.motions, cell_from_job(job.cell))
+    return run_checks(job, surface, plan.blocks, plan.rods, plan.motions, cell_from_job(job.cell), plan.blade_axis)

@@ -47,12 +47,14 @@ class BlocksJob:
         direction: which way the blade lies, by the surface's parameters: "u", "v", or "auto" for the better one.
         clearance_mm: foam that stays at least between the cut and the block's top and bottom faces, mm.
         height_mm: height of every block, mm; None lets it follow from the relief and the clearance.
+        order: in which the blocks are cut (`batten.fabrication.block_order`).
     """
 
     size_mm: tuple[float, float] = (600.0, 600.0)
     direction: Literal["u", "v", "auto"] = "auto"
     clearance_mm: float = 30.0
     height_mm: float | None = None
+    order: Literal["numbered", "serpentine", "nearest", "shortest"] = "numbered"
 
 
 @dataclass(frozen=True)
@@ -62,8 +64,12 @@ class LeavesJob:
     Attributes:
         spacing_mm: distance between successive leaves, across the blade, mm.
         tolerance_mm: greatest distance of a rod from the given surface within the block, mm.
-        turn_deg: rotation of the leaves' planes about z in plan, degrees, counter-clockwise; "auto" searches the least
-            one that leaves no straight leaf (Fisker2018 §5.4.3, Solution 1).
+        planes: "parallel", all turned by the same angle (Fisker2018 §5.4.3, Solution 1), or "fan", turned about two centres
+            beside the wall, most in its middle (Solution 2).
+        turn_deg: rotation of the leaves' planes about z in plan, degrees, counter-clockwise; of a fan, that of the plane in
+            the middle; "auto" searches the least one, of either sense, that leaves no straight leaf.
+        border_turn_deg: size of a fan's turn at the wall's first and last border, degrees, at most that of `turn_deg`;
+            "auto" takes 0, or half of `turn_deg` where the leaves on these borders are straight.
         max_turn_between_deg: greatest turn of a rod's end between successive leaves, degrees; where it is more, leaves are
             put between them.
         max_jump_mm: greatest jump of position between the rods of one leaf at a block border, mm.
@@ -72,7 +78,9 @@ class LeavesJob:
 
     spacing_mm: float = 20.0
     tolerance_mm: float = 0.5
+    planes: Literal["parallel", "fan"] = "parallel"
     turn_deg: float | Literal["auto"] = 0.0
+    border_turn_deg: float | Literal["auto"] = "auto"
     max_turn_between_deg: float = 12.0
     max_jump_mm: float = 0.01
     max_jump_deg: float = 0.01
@@ -123,16 +131,52 @@ class BladeJob:
     """How the hot blade melts its way.
 
     Attributes:
-        kerf_mm: width of foam that melts away, mm; half of it lies on either side of the blade.
-        speed_mm_s: speed of the blade's fastest point, mm/s.
+        kerf_mm: width of foam that melts away, mm; half of it lies on either side of the blade. Where `KerfJob` gives a
+            law, the width that the speeds are planned for.
+        speed_mm_s: speed of the blade's fastest point, mm/s; where `KerfJob` gives a law, on the ways in and out alone.
         max_speed_ratio: greatest ratio of the fastest to the slowest point of the blade between successive leaves.
-        approach_mm: distance of the approach and leave positions from the block's face, mm.
+        approach_mm: distance of the rod from the block's face at the approach and leave positions, mm.
+        lead: how the rod, in the shape of its first or last leaf, goes between there and the leaf: "along" the
+            continuation of the surface, less steeply where that is not free or not reached, or "level".
     """
 
     kerf_mm: float = 1.0
     speed_mm_s: float = 20.0
     max_speed_ratio: float = 3.0
     approach_mm: float = 100.0
+    lead: Literal["along", "level"] = "along"
+
+
+@dataclass(frozen=True)
+class KerfJob:
+    """Which face of the cut is to be the design, and how the kerf follows from the blade's speed.
+
+    The law is a table (`speeds_mm_s`, `widths_mm`) or a formula with its constants; without either the kerf is
+    `blade.kerf_mm` at every speed (`batten.fabrication.kerf`).
+
+    Attributes:
+        offset: whether the blade runs half the kerf beside the design, so that the face that is left is the design; else
+            the blade itself follows the design.
+        side: the part of the block that is kept, the lower or the upper one.
+        tolerance_mm: greatest difference of the kerf from `blade.kerf_mm` anywhere on the blade, mm.
+        min_speed_mm_s: least speed that may be planned for the blade's fastest point, mm/s.
+        max_speed_mm_s: greatest such speed, mm/s.
+        speeds_mm_s: of the table, ascending, mm/s.
+        widths_mm: the kerf at these speeds, mm.
+        formula: "a + b / v" or "a * v^-b", mm, v the speed in mm/s.
+        a, b: its constants.
+    """
+
+    offset: bool = True
+    side: Literal["lower", "upper"] = "lower"
+    tolerance_mm: float = 0.2
+    min_speed_mm_s: float = 1.0
+    max_speed_mm_s: float = 100.0
+    speeds_mm_s: tuple[float, ...] | None = None
+    widths_mm: tuple[float, ...] | None = None
+    formula: Literal["a + b / v", "a * v^-b"] | None = None
+    a: float | None = None
+    b: float | None = None
 
 
 @dataclass(frozen=True)
@@ -140,8 +184,8 @@ class GripperJob:
     """The two grippers, and what they bear.
 
     Attributes:
-        radius_mm: radius of the ball around the rod's end that holds the whole gripper, mm.
-        clearance_mm: least free distance between that ball and the block, mm.
+        radius_mm: radius of the gripper about its axis, which runs from the flange to the rod's end, mm.
+        clearance_mm: least free distance between the gripper's ball around the rod's end and the block, mm.
         max_force_n: greatest force at a gripper, N; None sets no limit.
         max_moment_nmm: greatest bending moment at a gripper, N·mm; None sets no limit.
         position_error_mm: how far a gripper may stand off its place, mm: no such shift may make the rod snap.
@@ -189,6 +233,7 @@ class ArmJob:
         joint_min_deg: least angle of each joint, degrees, (6,).
         joint_max_deg: greatest angle of each joint, degrees, (6,).
         kinematics: the arm's lengths.
+        link_radii_mm: radii of the capsules around base, shoulder, upper arm, elbow, forearm and wrist, mm, (6,).
     """
 
     base_mm: tuple[float, float, float] | None = None
@@ -198,6 +243,7 @@ class ArmJob:
     joint_min_deg: tuple[float, ...] | None = None
     joint_max_deg: tuple[float, ...] | None = None
     kinematics: KinematicsJob | None = None
+    link_radii_mm: tuple[float, ...] | None = None
 
 
 @dataclass(frozen=True)
@@ -211,6 +257,8 @@ class CellJob:
         min_joint_margin_deg: least distance of every joint from its limits, degrees.
         min_reach_margin_mm: least distance of the wrist from the end of its reach, mm.
         min_singularity: least measure of distance from a singularity, pure number from 0 (singular) to 1.
+        min_clearance_mm: least free distance between arms, grippers, rod, block, table and floor, mm.
+        table_mm: plan size of the table, along the blade and across it, centred under the block, mm; None: the block's own.
         left: own values of the left arm (the one at the rod's start).
         right: own values of the right arm.
     """
@@ -221,6 +269,8 @@ class CellJob:
     min_joint_margin_deg: float = 5.0
     min_reach_margin_mm: float = 20.0
     min_singularity: float = 0.05
+    min_clearance_mm: float = 10.0
+    table_mm: tuple[float, float] | None = None
     left: ArmJob = field(default_factory=ArmJob)
     right: ArmJob = field(default_factory=ArmJob)
 
@@ -236,5 +286,6 @@ class CutJob:
     leaves: LeavesJob = field(default_factory=LeavesJob)
     rod: RodJob = field(default_factory=RodJob)
     blade: BladeJob = field(default_factory=BladeJob)
+    kerf: KerfJob = field(default_factory=KerfJob)
     gripper: GripperJob = field(default_factory=GripperJob)
     cell: CellJob = field(default_factory=CellJob)

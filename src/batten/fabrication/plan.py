@@ -190,13 +190,36 @@ class ArmMotion:
 
 @dataclass(frozen=True, eq=False)
 class BlockMotion:
-    """The synchronous motion of both arms for one block; `rods` are indices into the plan's rods, in cutting order."""
+    """The synchronous motion of both arms for one block.
+
+    Attributes:
+        block: number of the block.
+        rods: indices into the plan's rods, in cutting order.
+        left, right: what each arm does.
+        speed_mm_s: of the rod's faster end on each move that `planned_s` leaves open.
+        planned_s: (n − 1,), time of each move between leaves, s, NaN where it is left open; None leaves all open.
+    """
 
     block: int
     rods: tuple[int, ...]
     left: ArmMotion
     right: ArmMotion
     speed_mm_s: float
+    planned_s: FloatArray | None = None
+
+    @property
+    def seconds(self) -> FloatArray:
+        """Time of each move, s, (n + 1,): approach to first leaf, …, last leaf to leave; at least 1e-9."""
+        ways = [
+            np.linalg.norm(
+                np.diff(np.concatenate([a.approach[None], a.poses, a.leave[None]])[:, :3, 3], axis=0), axis=1
+            )
+            for a in (self.left, self.right)
+        ]
+        seconds = np.maximum(*ways) / self.speed_mm_s
+        if self.planned_s is not None:
+            seconds[1:-1] = np.where(np.isnan(self.planned_s), seconds[1:-1], self.planned_s)
+        return np.maximum(seconds, 1e-9)
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,6 +13,7 @@ from batten.fabrication.plan import Block
 from batten.surfaces.bspline_surface import BSplineSurface
 from batten.surfaces.foliation import covering_offsets, parallel_planes
 from batten.surfaces.plane import Plane
+from batten.surfaces.straight_leaves import fan_planes
 from batten.typing import BoolArray, FloatArray, IntArray
 
 BladeAxis = Literal["x", "y"]
@@ -103,11 +104,12 @@ class Wall:
                 blocks.append(Block(number, row, column, corner, np.array([*(high - low), height])))
         return tuple(blocks)
 
-    def planes(self, spacing_mm: float, turn_rad: float) -> tuple[Plane, ...]:
+    def planes(self, spacing_mm: float, turn_rad: float, border_turn_rad: float | None = None) -> tuple[Plane, ...]:
         """Vertical planes that cover the wall, in cutting order: along +y for a blade along x, along −x for one along y.
 
         Without turn the rows' borders are planes, and the distance is the largest at most `spacing_mm` that divides each
-        row; with it, the planes cover the whole wall evenly.
+        row; with it, the planes cover the whole wall evenly. With `border_turn_rad` they are `fan_planes` about two centres
+        beside the wall, turned by `turn_rad` in its middle and by this at its first and last border.
         """
         centre = 0.5 * (self.low + self.high)
         if turn_rad == 0.0:
@@ -117,6 +119,15 @@ class Wall:
                 for a, b in zip(self.rows[:-1], self.rows[1:])
             ]
             offsets = np.unique(np.concatenate(steps)) - middle
+        elif border_turn_rad is not None:
+            fan = fan_planes(
+                self.blade_axis,
+                [self.low, self.high],
+                spacing_mm,
+                turn_rad=turn_rad,
+                border_turn_rad=border_turn_rad,
+            )
+            return fan if self.blade_axis == "x" else fan[::-1]
         else:
             offsets = covering_offsets(self.blade_axis, [self.low, self.high], spacing_mm, turn_rad=turn_rad)
         planes = parallel_planes(self.blade_axis, offsets, turn_rad=turn_rad, centre=centre)
@@ -133,19 +144,24 @@ class Wall:
 
         All planes that cross the block's plan, and on either side the next one that leaves no corner of it uncut: turned
         planes cross a block's corners obliquely, and the blade would pass the rest of a corner on its way in or out.
+
+        Parameters:
+            planes: in cutting order, none crossing another over the wall. blocks: of this wall.
         """
-        along = planes[0].x_axis[:2]
-        across = np.array([-along[1], along[0]])
-        offsets = np.array([p.origin[:2] @ across for p in planes])
-        order = np.argsort(offsets, kind="stable")
+        origins = np.array([p.origin[:2] for p in planes])
+        along = np.array([p.x_axis[:2] for p in planes])
+        sweep = np.stack([-along[:, 1], along[:, 0]], axis=-1)  # the way of the cut: to the left of the blade
         plane_index: list[int] = []
         block_index: list[int] = []
         for j, block in enumerate(blocks):
             low, high = block.corner_mm[:2], block.corner_mm[:2] + block.size_mm[:2]
-            corners = np.array([low, [low[0], high[1]], [high[0], low[1]], high]) @ across
-            first = int(np.searchsorted(offsets[order], corners.min() + _EDGE_SLACK_MM, side="right")) - 1
-            last = int(np.searchsorted(offsets[order], corners.max() - _EDGE_SLACK_MM, side="left"))
-            taken = np.sort(order[max(first, 0) : min(last, len(planes) - 1) + 1])
+            corners = np.array([low, [low[0], high[1]], [high[0], low[1]], high])
+            ahead = np.einsum("ikj,ij->ik", corners - origins[:, None], sweep)
+            before = np.flatnonzero(ahead.min(axis=1) >= -_EDGE_SLACK_MM)
+            behind = np.flatnonzero(ahead.max(axis=1) <= _EDGE_SLACK_MM)
+            first = int(before[-1]) if before.size else 0
+            last = int(behind[0]) if behind.size else len(planes) - 1
+            taken = np.arange(first, last + 1)
             plane_index += taken.tolist()
             block_index += [j] * len(taken)
         return np.array(plane_index, dtype=np.int64), np.array(block_index, dtype=np.int64)

@@ -26,7 +26,7 @@ from batten.surfaces.plane import Plane
 from batten.typing import FloatArray
 
 FORMAT = "batten cut"
-SCHEMA = 1
+SCHEMA = 2
 FILE_NAME = "cut.json"
 INPUT_FOLDER = "input"
 """Where the files that the job refers to are kept beside cut.json."""
@@ -351,6 +351,7 @@ def _motion_out(motion: BlockMotion) -> dict[str, Any]:
         "block": motion.block,
         "rods": list(motion.rods),
         "speed_mm_s": float(motion.speed_mm_s),
+        "planned_s": None if motion.planned_s is None else _numbers_out(motion.planned_s),
         "left": _arm_out(motion.left),
         "right": _arm_out(motion.right),
     }
@@ -363,6 +364,7 @@ def _motion_in(data: Mapping[str, Any]) -> BlockMotion:
         left=_arm_in(data["left"]),
         right=_arm_in(data["right"]),
         speed_mm_s=float(data["speed_mm_s"]),
+        planned_s=None if data["planned_s"] is None else _numbers_in(data["planned_s"], -1),
     )
 
 

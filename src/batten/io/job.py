@@ -20,12 +20,15 @@ from batten.fabrication.job import (
     CellJob,
     CutJob,
     GripperJob,
+    KerfJob,
     KinematicsJob,
     LeavesJob,
     RodJob,
     SurfaceJob,
 )
-from batten.io.job_fields import ArmSection, CellSection, JobFile, SurfaceSection
+from batten.fabrication.kerf import fit_blade_to_law
+from batten.io.cell_fields import ArmSection, CellSection
+from batten.io.job_fields import JobFile, SurfaceSection
 
 _Model = TypeVar("_Model", bound=BaseModel)
 
@@ -89,6 +92,7 @@ def job_from_model(model: JobFile, path: Path) -> CutJob:
         leaves=LeavesJob(**dict(model.leaves)),
         rod=RodJob(**dict(model.rod)),
         blade=BladeJob(**dict(model.blade)),
+        kerf=KerfJob(**dict(model.kerf)),
         gripper=GripperJob(**dict(model.gripper)),
         cell=_cell(model.cell),
     )
@@ -138,11 +142,19 @@ def _hold_together(job: CutJob, path: Path, text: str) -> None:
             f"{_where(path, text, ('rod', 'length_mm'))} = {job.rod.length_mm:g}: a rod must be longer than its leaf, "
             f"and the leaves of these blocks are {shortest:g} mm or more; try {1.5 * shortest:g}, or smaller blocks"
         )
+    _hold_kerf_together(job, path, text)
     if job.leaves.spacing_mm > shortest:
         raise InvalidInputError(
             f"{_where(path, text, ('leaves', 'spacing_mm'))} = {job.leaves.spacing_mm:g}: must be at most the block's "
             f"{shortest:g} mm; try {shortest / 30.0:g}"
         )
+
+
+def _hold_kerf_together(job: CutJob, path: Path, text: str) -> None:
+    try:
+        fit_blade_to_law(job.kerf, job.blade)
+    except InvalidInputError as error:
+        raise InvalidInputError(f"{_where(path, text, ('kerf',))}: {error}") from error
 
 
 def _explain(
@@ -215,9 +227,13 @@ def describe_type(schema: Mapping[str, Any]) -> str:
     if "enum" in schema:
         return " or ".join(_shown(v) for v in schema["enum"])
     kind = schema["type"]
+    if kind == "boolean":
+        return "true or false"
     if kind == "array":
         items = schema.get("items") or schema["prefixItems"][0]
-        return f"{schema['minItems']} values, each {describe_type(items)}"
+        least, most = schema["minItems"], schema["maxItems"]
+        count = f"{least}" if least == most else f"{least} to {most}"
+        return f"{count} values, each {describe_type(items)}"
     if kind == "string":
         return f"text of at most {schema['maxLength']} characters" if "maxLength" in schema else "text"
     words = {"exclusiveMinimum": ">", "minimum": "≥", "exclusiveMaximum": "<", "maximum": "≤"}

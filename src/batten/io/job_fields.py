@@ -4,24 +4,20 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
 from batten.fabrication import job as plain
+from batten.fabrication.kerf import kerf_law
 from batten.fabrication.section import section_of_sizes
+from batten.io.cell_fields import CellSection
+from batten.io.job_section import Pair, Section
 
-# TOML knows lists only, so a fixed number of values must be allowed to come as one; the values themselves stay strict.
-Length = Annotated[float, Field(gt=0.0, le=10000.0)]
-Angle = Annotated[float, Field(ge=-720.0, le=720.0)]
-Pair = Annotated[tuple[Length, Length], Field(strict=False)]
-Vector = Annotated[tuple[float, float, float], Field(strict=False)]
-SixAngles = Annotated[tuple[Angle, ...], Field(strict=False, min_length=6, max_length=6)]
-SixSigns = Annotated[tuple[Literal[-1, 1], ...], Field(strict=False, min_length=6, max_length=6)]
-
-
-class Section(BaseModel):
-    """What every part of a job file shares: no unknown fields, no NaN, no text where a number belongs."""
-
-    model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, frozen=True)
+Speeds = Annotated[
+    tuple[Annotated[float, Field(gt=0.0, le=1000.0)], ...], Field(strict=False, min_length=2, max_length=100)
+]
+Widths = Annotated[
+    tuple[Annotated[float, Field(ge=0.0, le=50.0)], ...], Field(strict=False, min_length=2, max_length=100)
+]
 
 
 class SurfaceSection(Section):
@@ -84,6 +80,12 @@ class BlocksSection(Section):
         description="Height of every block; without it, it follows from the relief and the clearance.",
         examples=[500.0],
     )
+    order: Literal["numbered", "serpentine", "nearest", "shortest"] = Field(
+        default=plain.BlocksJob.order,
+        description="In which order the blocks are cut: as they are `numbered`, row by row there and back (`serpentine`), "
+        "each time the one whose first leaf is `nearest`, or on the `shortest` way of the grippers that is found.",
+        examples=["shortest"],
+    )
 
 
 class LeavesSection(Section):
@@ -95,11 +97,23 @@ class LeavesSection(Section):
     tolerance_mm: float = Field(
         gt=0.0, le=1000.0, description="Greatest distance of a rod from the surface, inside its block.", examples=[0.5]
     )
+    planes: Literal["parallel", "fan"] = Field(
+        default=plain.LeavesJob.planes,
+        description="`parallel`: all turned by `turn_deg`; `fan`: turned about two centres beside the wall, by `turn_deg` "
+        "in its middle and less towards its borders.",
+        examples=["parallel"],
+    )
     turn_deg: Annotated[float, Field(ge=-90.0, le=90.0)] | Literal["auto"] = Field(
         default=plain.LeavesJob.turn_deg,
         description="Turns the leaves' planes in plan, counter-clockwise; `auto` searches the least turn that "
         "leaves no straight leaf.",
         examples=[0.0],
+    )
+    border_turn_deg: Annotated[float, Field(ge=0.0, le=90.0)] | Literal["auto"] = Field(
+        default=plain.LeavesJob.border_turn_deg,
+        description="Of a fan, the size of the turn at the wall's first and last border, at most that of `turn_deg`; `auto` "
+        "takes 0, or half of `turn_deg` where the leaves there are straight.",
+        examples=["auto"],
     )
     max_turn_between_deg: float = Field(
         default=plain.LeavesJob.max_turn_between_deg,
@@ -194,9 +208,19 @@ class BladeSection(Section):
     """How the hot blade melts its way."""
 
     kerf_mm: float = Field(
-        ge=0.0, le=50.0, description="Width of foam that melts away, half of it on either side.", examples=[1.0]
+        ge=0.0,
+        le=50.0,
+        description="Width of foam that melts away, half of it on either side; where `[kerf]` says how it follows from the "
+        "speed, the width that the speeds are planned for.",
+        examples=[1.0],
     )
-    speed_mm_s: float = Field(gt=0.0, le=1000.0, description="Speed of the blade's fastest point.", examples=[20.0])
+    speed_mm_s: float = Field(
+        gt=0.0,
+        le=1000.0,
+        description="Speed of the blade's fastest point; where `[kerf]` says how the kerf follows from it, on the ways in "
+        "and out alone, and the kerf there must be near `kerf_mm`.",
+        examples=[20.0],
+    )
     max_speed_ratio: float = Field(
         default=plain.BladeJob.max_speed_ratio,
         ge=1.0,
@@ -208,9 +232,84 @@ class BladeSection(Section):
         default=plain.BladeJob.approach_mm,
         gt=0.0,
         le=5000.0,
-        description="Distance of the approach and leave positions from the block.",
+        description="Distance of the rod from the block's face at the approach and leave positions.",
         examples=[100.0],
     )
+    lead: Literal["along", "level"] = Field(
+        default=plain.BladeJob.lead,
+        description="How the rod goes between there and the first or last leaf, in that leaf's shape: `along` the "
+        "continuation of the surface, less steeply where that is not free, or `level`.",
+        examples=["along"],
+    )
+
+
+class KerfSection(Section):
+    """Which face of the cut is the design, and how the kerf follows from speed: by a table, by a formula, or not at all."""
+
+    offset: bool = Field(
+        default=plain.KerfJob.offset,
+        description="Whether the blade runs half the kerf beside the design, so that the face that is left is the design; "
+        "else the blade itself follows the design.",
+        examples=[True],
+    )
+    side: Literal["lower", "upper"] = Field(
+        default=plain.KerfJob.side, description="The part of the block that is kept.", examples=["lower"]
+    )
+    tolerance_mm: float = Field(
+        default=plain.KerfJob.tolerance_mm,
+        gt=0.0,
+        le=50.0,
+        description="Greatest difference of the kerf from `blade.kerf_mm` anywhere on the blade.",
+        examples=[0.2],
+    )
+    min_speed_mm_s: float = Field(
+        default=plain.KerfJob.min_speed_mm_s,
+        gt=0.0,
+        le=1000.0,
+        description="Least speed that may be planned for the blade's fastest point.",
+        examples=[1.0],
+    )
+    max_speed_mm_s: float = Field(
+        default=plain.KerfJob.max_speed_mm_s,
+        gt=0.0,
+        le=1000.0,
+        description="Greatest such speed, above the least.",
+        examples=[100.0],
+    )
+    speeds_mm_s: Speeds | None = Field(
+        default=plain.KerfJob.speeds_mm_s,
+        description="Of a table of measured kerfs, ascending. Outside these speeds the kerf counts as unknown.",
+        examples=[[5.0, 10.0, 20.0, 40.0]],
+    )
+    widths_mm: Widths | None = Field(
+        default=plain.KerfJob.widths_mm,
+        description="The kerf at each of `speeds_mm_s`, descending; between them monotone cubics.",
+        examples=[[2.8, 1.6, 1.0, 0.7]],
+    )
+    formula: Literal["a + b / v", "a * v^-b"] | None = Field(
+        default=plain.KerfJob.formula,
+        description="Instead of a table: the kerf in mm, v the speed in mm/s.",
+        examples=["a + b / v"],
+    )
+    a: float | None = Field(
+        default=plain.KerfJob.a,
+        ge=0.0,
+        le=1000.0,
+        description="First constant of `formula`: mm; for `a * v^-b` the kerf at 1 mm/s.",
+        examples=[0.4],
+    )
+    b: float | None = Field(
+        default=plain.KerfJob.b,
+        gt=0.0,
+        le=1.0e5,
+        description="Second constant of `formula`: mm²/s, or the exponent.",
+        examples=[12.0],
+    )
+
+    @model_validator(mode="after")
+    def _one_law(self) -> KerfSection:
+        kerf_law(plain.KerfJob(**dict(self)))  # its error is a ValueError
+        return self
 
 
 class GripperSection(Section):
@@ -220,14 +319,14 @@ class GripperSection(Section):
         default=plain.GripperJob.radius_mm,
         ge=0.0,
         le=2000.0,
-        description="Radius of the ball about the rod's end that holds the whole gripper.",
+        description="Radius of the gripper about its axis, from the flange to the rod's end.",
         examples=[40.0],
     )
     clearance_mm: float = Field(
         default=plain.GripperJob.clearance_mm,
         ge=0.0,
         le=2000.0,
-        description="Least free distance between that ball and the block.",
+        description="Least free distance between the gripper's ball about the rod's end and the block.",
         examples=[20.0],
     )
     max_force_n: float | None = Field(
@@ -260,102 +359,6 @@ class GripperSection(Section):
     )
 
 
-class KinematicsSection(Section):
-    """The lengths of a six-axis arm with spherical wrist, in the OPW convention."""
-
-    a1_mm: float = Field(ge=-10000.0, le=10000.0, description="From axis 1 to axis 2, across.", examples=[320.0])
-    a2_mm: float = Field(ge=-10000.0, le=10000.0, description="From axis 3 to axis 4, across.", examples=[-200.0])
-    b_mm: float = Field(ge=-10000.0, le=10000.0, description="Sideways offset of the arm.", examples=[0.0])
-    c1_mm: float = Field(ge=0.0, le=10000.0, description="Height of axis 2 over the base.", examples=[680.0])
-    c2_mm: float = Field(gt=0.0, le=10000.0, description="From axis 2 to axis 3.", examples=[975.0])
-    c3_mm: float = Field(gt=0.0, le=10000.0, description="From axis 3 to the wrist's centre.", examples=[887.0])
-    c4_mm: float = Field(ge=0.0, le=10000.0, description="From the wrist's centre to the flange.", examples=[200.0])
-    offsets_deg: SixAngles = Field(
-        default=(0.0,) * 6, description="Zero offsets of the six joints.", examples=[[0.0, 0.0, -90.0, 0.0, 0.0, 0.0]]
-    )
-    signs: SixSigns = Field(default=(1,) * 6, description="Sense of the six joints.", examples=[[1, 1, 1, 1, 1, 1]])
-
-
-class ArmSection(Section):
-    """One arm's own values; what is absent comes from the preset."""
-
-    base_mm: Vector | None = Field(
-        default=None, description="The robot base's origin in the cell.", examples=[[-1800.0, 0.0, 0.0]]
-    )
-    base_deg: Vector | None = Field(
-        default=None,
-        description="Rotation of the base about the cell's fixed x, y and z, in this order.",
-        examples=[[0, 0, 90]],
-    )
-    tool_mm: Vector | None = Field(
-        default=None, description="The rod's end in the gripper, seen from the flange.", examples=[[0.0, 0.0, 250.0]]
-    )
-    tool_deg: Vector | None = Field(
-        default=None,
-        description="Rotation of the tool, seen from the flange, as `base_deg`.",
-        examples=[[0.0, 0.0, 0.0]],
-    )
-    joint_min_deg: SixAngles | None = Field(
-        default=None, description="Least angle of every joint.", examples=[[-170, -65, -180, -300, -130, -300]]
-    )
-    joint_max_deg: SixAngles | None = Field(
-        default=None, description="Greatest angle of every joint.", examples=[[170, 140, 70, 300, 130, 300]]
-    )
-    kinematics: KinematicsSection | None = Field(
-        default=None, description="The arm's lengths, as a section of its own."
-    )
-
-    @model_validator(mode="after")
-    def _limits_in_order(self) -> ArmSection:
-        for joint, (low, high) in enumerate(zip(self.joint_min_deg or (), self.joint_max_deg or ()), start=1):
-            if not low < high:
-                raise ValueError(
-                    f"joint {joint} has limits {low:g} … {high:g}; joint_min_deg must be below joint_max_deg"
-                )
-        return self
-
-
-class CellSection(Section):
-    """The robot cell: a preset, and own values over it."""
-
-    preset: str = Field(min_length=1, description="Name of a cell that batten knows.", examples=["two-irb6620"])
-    block_mm: Vector | None = Field(
-        default=None,
-        description="Centre of the block's bottom face in the cell; else the preset's.",
-        examples=[[0.0, 0.0, 600.0]],
-    )
-    block_deg: float | None = Field(
-        default=None,
-        ge=-360.0,
-        le=360.0,
-        description="Rotation of the block about the cell's z; else the preset's.",
-        examples=[0.0],
-    )
-    min_joint_margin_deg: float = Field(
-        default=plain.CellJob.min_joint_margin_deg,
-        ge=0.0,
-        le=180.0,
-        description="Least distance of every joint from its limits.",
-        examples=[5.0],
-    )
-    min_reach_margin_mm: float = Field(
-        default=plain.CellJob.min_reach_margin_mm,
-        ge=0.0,
-        le=5000.0,
-        description="Least distance of the wrist from the end of its reach.",
-        examples=[20.0],
-    )
-    min_singularity: float = Field(
-        default=plain.CellJob.min_singularity,
-        ge=0.0,
-        lt=1.0,
-        description="Least distance from a singularity, from 0 (singular) to 1.",
-        examples=[0.05],
-    )
-    left: ArmSection = Field(default_factory=ArmSection, description="The arm at the rod's start.")
-    right: ArmSection = Field(default_factory=ArmSection, description="The arm at the rod's end.")
-
-
 class JobFile(Section):
     """A whole job file."""
 
@@ -372,5 +375,6 @@ class JobFile(Section):
     leaves: LeavesSection = Field(description="The blade's positions.")
     rod: RodSection = Field(description="The rod.")
     blade: BladeSection = Field(description="The blade.")
+    kerf: KerfSection = Field(default_factory=KerfSection, description="The kerf.")
     gripper: GripperSection = Field(default_factory=GripperSection, description="The grippers.")
     cell: CellSection = Field(description="The robot cell.")

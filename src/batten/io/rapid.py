@@ -4,9 +4,11 @@ Syntax after ABB's technical reference manual "RAPID Instructions, Functions and
 w, x, y, z, angles of MoveAbsJ in degrees. The work object is the block's work frame, the same for both arms; the world
 frame of the controller is the cell frame, so both base frames must be set there as each module's head says.
 
-What a pair of modules does: each arm goes to its approach pose by itself with an empty gripper; there the program stops
-until the rod is fixed in both grippers. Then both arms move synchronously, every move with the same \\ID in both modules:
-into the block, from leaf to leaf, and out on the far side.
+What a pair of modules does: each arm goes to its approach pose by itself with an empty gripper, from a posture pulled back
+from it (`batten.fabrication.robot.travel`); there the program stops until the rod is fixed in both grippers. Then both arms
+move synchronously, every move with the same \\ID in both modules: into the block, from leaf to leaf, and out on the far
+side. Where the plan sets the time of a move, so that the kerf is right along the blade, both arms have it as \\T, which then
+stands for the speed. Behind the block the program stops until the rod is taken out, and each arm pulls back by itself.
 """
 
 from __future__ import annotations
@@ -21,6 +23,7 @@ from batten.errors import InvalidInputError, LimitError
 from batten.fabrication.plan import ArmMotion, BlockMotion, CutPlan
 from batten.fabrication.robot.arm import RobotArm
 from batten.fabrication.robot.cell import RobotCell
+from batten.fabrication.robot.travel import pulled_back
 from batten.typing import ArrayLike, FloatArray
 
 NAME_LENGTH = 32  # RAPID identifiers
@@ -42,6 +45,7 @@ def rapid_modules(
     name: str = "batten",
     zone: str = "z5",
     travel_mm_s: float = 100.0,
+    turn: tuple[int, int] | None = None,
 ) -> dict[str, str]:
     """The two modules of one block, as text.
 
@@ -52,6 +56,7 @@ def rapid_modules(
         name: of the job; the start of the module names.
         zone: RAPID zone at the leaves: "fine", "z0", "z1", "z5", … "z50". Approach and leave always are "fine".
         travel_mm_s: tool speed on the way to the approach pose, mm/s.
+        turn: the block's place in the order of cutting, and how many there are, for the head; None leaves it out.
 
     Returns:
         {file name: text}, the left arm's module first; ASCII, lines end with "\\n".
@@ -61,7 +66,8 @@ def rapid_modules(
             without rods.
         LimitError: a pose that an arm cannot reach.
 
-    Accuracy: positions are rounded to 0.001 mm; quaternions to six decimals, normalised within 1e-6 as rounded.
+    Accuracy: positions are rounded to 0.001 mm, times to 0.001 s; quaternions to six decimals, normalised within 1e-6 as
+    rounded.
     """
     if zone not in _ZONES:
         raise InvalidInputError(f"zone {zone!r} is not one of {', '.join(_ZONES)}")
@@ -75,19 +81,20 @@ def rapid_modules(
     for side in _SIDES:
         _refuse_unreachable(motion, side, leaves)
     return {
-        f"{_module_name(name, motion.block, side)}.mod": _module(motion, cell, side, leaves, name, zone, travel_mm_s)
+        f"{_module_name(name, motion.block, side)}.mod": _module(
+            motion, cell, side, leaves, name, zone, travel_mm_s, turn
+        )
         for side in _SIDES
     }
 
 
 def rapid_program(plan: CutPlan, cell: RobotCell, *, zone: str = "z5") -> dict[str, str]:
-    """The modules of all blocks of a plan that have rods, {file name: text}; see `rapid_modules`."""
+    """The modules of all blocks that have rods, {file name: text}, in the order of cutting; see `rapid_modules`."""
     files: dict[str, str] = {}
-    for motion in plan.motions:
-        if not motion.rods:
-            continue
+    cut = [motion for motion in plan.motions if motion.rods]
+    for place, motion in enumerate(cut, start=1):
         leaves = [plan.rods[i].leaf for i in motion.rods]
-        files |= rapid_modules(motion, cell, leaves=leaves, name=plan.name, zone=zone)
+        files |= rapid_modules(motion, cell, leaves=leaves, name=plan.name, zone=zone, turn=(place, len(cut)))
     return files
 
 
@@ -187,6 +194,7 @@ def _module(
     name: str,
     zone: str,
     travel_mm_s: float,
+    turn: tuple[int, int] | None,
 ) -> str:
     arm, robot = _arm_motion(motion, side), cell.arm(side)
     tool = f"grip_{side}"
@@ -196,30 +204,63 @@ def _module(
     targets = _targets(poses, np.concatenate([first[None], arm.configuration, last[None]]))
     comments = ["approach, before the block", *(f"leaf {leaf}" for leaf in leaves), "leave, behind the block"]
     zones = ["fine", *([zone] * len(leaves)), "fine"]
-    lines = _head(motion, cell, side, leaves, name)
+    lines = _head(motion, cell, side, leaves, name, turn)
     lines += _declarations(motion, cell, side, tool, travel_mm_s)
     lines += [
         "  PROC main()",
         "    ConfL \\Off;",
         "    ! The gripper is empty up to here: the rod is fixed at the approach pose.",
-        f"    MoveAbsJ [{_list(np.degrees(arm.approach_joints_rad), 5)},{_NO_AXES}] \\NoEOffs, travel_speed, fine, {tool};",
+        _to_joints(pulled_back(robot, arm.approach_joints_rad), tool),
+        _to_joints(arm.approach_joints_rad, tool),
         "    WaitSyncTask sync1, all_tasks;",
     ]
     if side == "left":
         lines.append(f"    TPWrite {rapid_string(f'Block {motion.block}: fix the rod in both grippers, then start.')};")
         lines.append("    Stop;")
     lines.append("    SyncMoveOn sync2, all_tasks;")
-    for k, (target, comment, corner) in enumerate(zip(targets, comments, zones), start=1):
+    for k, (target, comment, speed, corner) in enumerate(zip(targets, comments, _speeds(motion), zones), start=1):
         lines.append(f"    ! block {motion.block}, {comment}")
-        lines.append(f"    MoveL {target}\\ID:={_ID_STEP * k}, cut_speed, {corner}, {tool} \\WObj:=block_frame;")
-    lines += ["    SyncMoveOff sync3;", "  ENDPROC", "ENDMODULE"]
+        lines.append(f"    MoveL {target}\\ID:={_ID_STEP * k}, {speed}, {corner}, {tool} \\WObj:=block_frame;")
+    lines.append("    SyncMoveOff sync3;")
+    if side == "left":
+        lines.append(
+            f"    TPWrite {rapid_string(f'Block {motion.block}: take the rod out of both grippers, then start.')};"
+        )
+        lines.append("    Stop;")
+    lines += [
+        "    WaitSyncTask sync4, all_tasks;",
+        "    ! The gripper is empty from here on.",
+        _to_joints(pulled_back(robot, arm.leave_joints_rad), tool),
+        "  ENDPROC",
+        "ENDMODULE",
+    ]
     too_long = [line for line in lines if len(line) > LINE_LENGTH]
     if too_long:
         raise InvalidInputError(f"block {motion.block}: a number too large for a RAPID line in {too_long[0]!r}")
     return "\n".join(lines) + "\n"
 
 
-def _head(motion: BlockMotion, cell: RobotCell, side: str, leaves: Sequence[int], name: str) -> list[str]:
+def _to_joints(joints_rad: FloatArray, tool: str) -> str:
+    """One arm's own move to a posture."""
+    return f"    MoveAbsJ [{_list(np.degrees(joints_rad), 5)},{_NO_AXES}] \\NoEOffs, travel_speed, fine, {tool};"
+
+
+def _speeds(motion: BlockMotion) -> list[str]:
+    """The speed of each synchronous move, the one to the approach pose first, with its time where that is planned."""
+    planned = [] if motion.planned_s is None else motion.planned_s.tolist()
+    times = ["" if np.isnan(s) else f" \\T:={_number(max(s, 0.001), 3)}" for s in planned]
+    inner = times or [""] * (len(motion.rods) - 1)
+    return [f"cut_speed{time}" for time in ("", "", *inner, "")]
+
+
+def _head(
+    motion: BlockMotion,
+    cell: RobotCell,
+    side: str,
+    leaves: Sequence[int],
+    name: str,
+    turn: tuple[int, int] | None,
+) -> list[str]:
     """The MODULE line and what a person should know."""
     _, task, end = _SIDES[side]
     other = "right" if side == "left" else "left"
@@ -229,6 +270,7 @@ def _head(motion: BlockMotion, cell: RobotCell, side: str, leaves: Sequence[int]
         f"  ! {_ascii(name)[:100]}: block {motion.block}, {side} arm at the rod's {end}, task {task}.",
         f"  ! {len(leaves)} leaves, {min(leaves)} to {max(leaves)}. Lengths in mm, quaternions w, x, y, z.",
         f"  ! Load it with {_module_name(name, motion.block, other)} in task {_SIDES[other][1]}, one block at a time.",
+        *([] if turn is None else [f"  ! In the order of cutting it is number {turn[0]} of {turn[1]}."]),
         f"  ! {_ascii(robot.name)[:100]}; its base frame in the world frame must be set to",
         f"  ! {_frame(robot.base)}.",
         "  ! Work object: origin at the centre of the block's bottom face, x along the rod from left to right,",
@@ -245,6 +287,7 @@ def _declarations(motion: BlockMotion, cell: RobotCell, side: str, tool: str, tr
         "  VAR syncident sync1;",
         "  VAR syncident sync2;",
         "  VAR syncident sync3;",
+        "  VAR syncident sync4;",
         f"  CONST speeddata travel_speed := [{_number(travel_mm_s, 3)},{_TURN_SPEED_DEG_S},5000,1000];",
         f"  CONST speeddata cut_speed := [{_number(motion.speed_mm_s, 3)},{_TURN_SPEED_DEG_S},5000,1000];",
         "",

@@ -10,7 +10,8 @@ from batten.errors import InvalidInputError
 from batten.fabrication.job import RodJob
 from batten.fabrication.rod import Rod
 from batten.io.job import read_toml, validated
-from batten.io.job_fields import JobFile, RodSection, Section
+from batten.io.job_fields import JobFile, RodSection
+from batten.io.job_section import Section
 
 
 class RodFields(RodSection):

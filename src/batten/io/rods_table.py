@@ -4,7 +4,8 @@ Wall frame, mm. Both tangents point from the left end to the right end of the ro
 swept; all three are unit vectors. Positions and lengths have 6 decimals (1 nm), unit vectors 9: a rod rebuilt from its
 line, as the elastica of that length through these ends and tangents, lies within 0.0001 mm of the planned one for rods
 that bow 1 mm or more over 1 m (straighter ones lose in proportion, for there a rod's bow hangs on its length).
-Rods of refused leaves are not in the table.
+The last column is the time of the move that ends at this rod, from the one before it in the block or from the approach
+pose, with 4 decimals; empty where no motion is planned. Rods of refused leaves are not in the table.
 """
 
 from __future__ import annotations
@@ -26,12 +27,14 @@ COLUMNS = (
     "leaf",
     *(f"{vector.removesuffix('_mm')}_{axis}{'_mm' * vector.endswith('_mm')}" for vector in _VECTORS for axis in "xyz"),
     "length_mm",
+    "move_s",
 )
 
 
 @dataclass(frozen=True, eq=False)
 class RodRow:
-    """One line of rods.csv: numbers of block and leaf, and the rod's ends, vectors of shape (3,) in the wall frame."""
+    """One line of rods.csv: numbers of block and leaf, the rod's ends, vectors of shape (3,) in the wall frame, its length,
+    and the time of the move that ends there, NaN if none is planned."""
 
     block: int
     leaf: int
@@ -41,10 +44,11 @@ class RodRow:
     end_tangent: FloatArray
     plane_normal: FloatArray
     length_mm: float
+    move_s: float
 
 
-def rod_rows(rods: Sequence[RodPlacement]) -> list[RodRow]:
-    """The lines of rods, in full precision."""
+def rod_rows(rods: Sequence[RodPlacement], move_s: Sequence[float]) -> list[RodRow]:
+    """The lines of rods, in full precision; `move_s` as in `RodRow`, one for each rod."""
     positions, tangents, normals = gripper_frames(rods)
     return [
         RodRow(
@@ -56,6 +60,7 @@ def rod_rows(rods: Sequence[RodPlacement]) -> list[RodRow]:
             end_tangent=tangents[i, 1],
             plane_normal=normals[i],
             length_mm=float(rod.rod.length),
+            move_s=float(move_s[i]),
         )
         for i, rod in enumerate(rods)
     ]
@@ -68,10 +73,15 @@ def write_rods_csv(path: str | Path, plan: CutPlan) -> None:
         path: the file to write, overwritten if it exists.
         plan: the plan.
     """
+    seconds = np.full(len(plan.rods), np.nan)
+    for motion in plan.motions:
+        seconds[list(motion.rods)] = motion.seconds[:-1]
+    cut = [i for i, rod in enumerate(plan.rods) if rod.status == "ok"]
+    rows = rod_rows([plan.rods[i] for i in cut], seconds[cut].tolist())
     with Path(path).open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(COLUMNS)
-        writer.writerows(map(_fields, rod_rows([rod for rod in plan.rods if rod.status == "ok"])))
+        writer.writerows(map(_fields, rows))
 
 
 def read_rods_csv(path: str | Path) -> list[RodRow]:
@@ -93,9 +103,10 @@ def read_rods_csv(path: str | Path) -> list[RodRow]:
     rows = []
     for number, line in enumerate(lines[1:], start=2):
         try:
-            numbers = [float(field) for field in line]
-            start, end, t0, t1, normal = np.array(numbers[2:-1]).reshape(len(_VECTORS), 3)
-            rows.append(RodRow(int(line[0]), int(line[1]), start, end, t0, t1, normal, numbers[-1]))
+            *numbers, length = (float(field) for field in line[:-1])
+            start, end, t0, t1, normal = np.array(numbers[2:]).reshape(len(_VECTORS), 3)
+            seconds = float(line[-1]) if line[-1] else np.nan
+            rows.append(RodRow(int(line[0]), int(line[1]), start, end, t0, t1, normal, length, seconds))
         except (ValueError, IndexError) as error:
             raise FormatError(
                 f"{path}:{number}: must be {len(COLUMNS)} numbers, got {','.join(line)!r}; cut the job again"
@@ -108,7 +119,7 @@ def _fields(row: RodRow) -> list[str]:
     for vector in _VECTORS:
         decimals = 6 if vector.endswith("_mm") else 9
         fields += [_fixed(v, decimals) for v in getattr(row, vector)]
-    return [*fields, _fixed(row.length_mm, 6)]
+    return [*fields, _fixed(row.length_mm, 6), "" if np.isnan(row.move_s) else _fixed(row.move_s, 4)]
 
 
 def _fixed(value: float, decimals: int) -> str:

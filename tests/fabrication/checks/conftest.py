@@ -7,7 +7,7 @@ import pytest
 
 from batten.curves.elastica import Elastica
 from batten.fabrication.checks.context import CheckContext
-from batten.fabrication.job import CutJob, SurfaceJob
+from batten.fabrication.job import CutJob, KerfJob, SurfaceJob
 from batten.fabrication.plan import Block, RodPlacement
 from batten.surfaces.bspline_surface import BSplineSurface
 from batten.surfaces.plane import Plane
@@ -53,7 +53,7 @@ def cylinder(radius, centre):
 
 
 def context(rods, blocks=None, surface=None, job=None):
-    job = CutJob(SurfaceJob()) if job is None else job
+    job = CutJob(SurfaceJob(), kerf=KerfJob(offset=False)) if job is None else job
     return CheckContext.of(job, surface or flat(), [block()] if blocks is None else blocks, rods)
 
 

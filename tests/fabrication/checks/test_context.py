@@ -7,7 +7,7 @@ import pytest
 
 from batten.curves.elastica import Elastica
 from batten.errors import InvalidInputError
-from batten.fabrication.checks.context import box_distance, greatest
+from batten.fabrication.checks.context import greatest
 
 
 def test_samples_agree_with_each_rod_alone(hand):
@@ -76,9 +76,3 @@ def test_the_peak_of_a_parabola_between_samples_is_exact():
     x = np.linspace(0.0, 1.0, 11)
     rows = np.stack([3.0 - 7.0 * (x - 0.437) ** 2, x, -x, np.where(x > 0.35, np.nan, x), np.full(11, np.nan)])
     assert greatest(rows) == pytest.approx([3.0, 1.0, 0.0, 0.3, np.nan], abs=1e-12, nan_ok=True)
-
-
-def test_distance_from_a_box_on_every_side():
-    low, high = np.array([0.0, 0.0, 0.0]), np.array([6.0, 4.0, 2.0])
-    points = [(3, 2, 1), (3, 2, 1.75), (7, 2, 1), (9, 8, 1), (8, 6, 3), (6, 2, 1), (-2, 5, -2)]
-    assert box_distance(np.array(points, float), low, high) == pytest.approx([-1.0, -0.25, 1.0, 5.0, 3.0, 0.0, 3.0])

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from batten.fabrication.checks.deviation import deviation_checks
+from batten.fabrication.job import BladeJob, CutJob, KerfJob, SurfaceJob
 
 
 def values(checks):
@@ -27,6 +28,23 @@ def test_arcs_concentric_with_a_cylinder(hand):
     assert worst.passed.tolist() == [True, True, True, False]
     assert worst.hard
     assert not mean.hard
+
+
+@pytest.mark.parametrize(("side", "sign"), [("lower", 1.0), ("upper", -1.0)])
+def test_with_an_offset_the_melted_face_counts(hand, side, sign):
+    radius, kerf, turn = 500.0, 3.0, 0.5
+    centre = (300.0, -250.0)
+
+    def concentric(r):
+        start = (centre[0] - r * math.sin(turn), centre[1] + r * math.cos(turn))
+        return hand.place(hand.arc(-r, 2.0 * r * turn, start, turn))
+
+    job = CutJob(SurfaceJob(), blade=BladeJob(kerf_mm=kerf), kerf=KerfJob(side=side))
+    rods = [concentric(radius + r) for r in (sign * 1.5, sign * 1.8, sign * 1.3, 0.0)]
+    worst, mean, _ = deviation_checks(hand.context(rods, surface=hand.cylinder(radius, centre), job=job))
+    assert worst.values == pytest.approx([0.0, 0.3, 0.2, 1.5], abs=1e-8)
+    assert mean.values == pytest.approx([0.0, 0.3, 0.2, 1.5], abs=1e-8)
+    assert worst.note.endswith(f"1.5 mm {'below' if side == 'lower' else 'above'} the blade.")
 
 
 def test_an_arc_over_a_plane_whose_highest_point_lies_between_samples(hand):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from batten.errors import InvalidInputError
-from batten.fabrication.checks.reach import move_seconds, reach_checks
+from batten.fabrication.checks.reach import reach_checks
 from batten.fabrication.plan import ArmMotion, BlockMotion
 from batten.fabrication.robot.cell import cell_preset
 
@@ -55,7 +55,7 @@ def by_name(motions, n_rods=6):
 
 
 def test_both_ends_arrive_together_and_the_further_one_moves_at_the_cutting_speed(motion):
-    np.testing.assert_allclose(move_seconds(motion), [5.0, 2.0, 1.0, 5.0])
+    np.testing.assert_allclose(motion.seconds, [5.0, 2.0, 1.0, 5.0])
 
 
 def test_each_value_is_the_worse_of_both_arms_at_the_rods_place(motion):

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from batten.errors import InvalidInputError
-from batten.fabrication.checks import reach
+from batten.fabrication.checks import collision, reach
 from batten.fabrication.checks.run import refusals, run_checks
-from batten.fabrication.job import CutJob, SurfaceJob
+from batten.fabrication.job import CutJob, KerfJob, SurfaceJob
 from batten.fabrication.plan import CheckResult
 
-JOB = CutJob(SurfaceJob())
+JOB = CutJob(SurfaceJob(), kerf=KerfJob(offset=False))
 ORDER = [
     "strain", "deviation", "deviation_mean", "hausdorff", "jump", "jump_tangent", "reentry", "gripper_clearance",
     "straightness", "passes_straight", "stability", "snap_shift", "snap_turn", "jump_between", "speed_ratio",
@@ -33,8 +33,14 @@ def test_every_check_has_a_value_for_every_rod(hand, count):
 def test_the_robots_come_last_and_need_their_cell(hand, monkeypatch):
     extra = CheckResult("reach", "Reach", "mm", 20.0, "min", np.array([30.0]))
     monkeypatch.setattr(reach, "reach_checks", lambda motions, cell, n: (extra,) if (motions, n) == (["m"], 1) else ())
+    free = CheckResult("collision", "Free", "mm", 10.0, "min", np.array([30.0]))
+    monkeypatch.setattr(collision, "collision_check", lambda job, cell, blocks, rods, motions, axis: free)
+    between = CheckResult("travel", "Between", "mm", 10.0, "min", np.array([30.0]), hard=False)
+    monkeypatch.setattr(collision, "travel_check", lambda job, cell, blocks, rods, motions, axis: between)
     rods = [hand.place(hand.line())]
-    assert checks_of(hand, rods, motions=["m"], cell="cell")[-1] is extra
+    assert checks_of(hand, rods, motions=["m"], cell="cell", blade_axis="x")[-3:] == (extra, free, between)
+    with pytest.raises(InvalidInputError, match="pass blade_axis="):
+        checks_of(hand, rods, motions=["m"], cell="cell")
     with pytest.raises(InvalidInputError, match="pass cell="):
         checks_of(hand, rods, motions=["m"])
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from batten.errors import InvalidInputError
+from batten.fabrication.checks.reach import reach_checks
 from batten.fabrication.robot.cell import cell_preset
 from batten.fabrication.robot.motion import grip_poses, plan_block_motion
 
@@ -47,6 +48,32 @@ def test_the_tool_points_along_the_rod_and_the_spin_is_free():
         np.testing.assert_allclose(rotations @ rotations.swapaxes(1, 2), np.tile(np.eye(3), (31, 1, 1)), atol=1e-12)
         cos = (rotations[:, :, 0] * normals).sum(axis=1)
         np.testing.assert_allclose(cos, np.cos(arm.spin_rad), rtol=0, atol=1e-12)
+
+
+def test_planned_times_are_kept_and_lengthened_where_a_joint_would_be_too_fast():
+    free = plan()
+    wanted = np.full(30, 2.0)
+    wanted[::7], wanted[3], wanted[11] = np.nan, 1e-3, 0.02
+    motion = plan(leaf_seconds=wanted)
+    seconds = motion.seconds[1:-1]
+    assert seconds[::7] == pytest.approx(free.seconds[1:-1][::7], rel=1e-12), "left open"
+    assert np.isnan(motion.planned_s[::7]).all()
+    robots = (CELL.left, CELL.right)
+    least = np.max(
+        [
+            (np.abs(np.diff(arm.joints_rad, axis=0)) / (CELL.max_joint_speed_fraction * r.joint_speeds_rad_s)).max(
+                axis=1
+            )
+            for arm, r in zip((motion.left, motion.right), robots)
+        ],
+        axis=0,
+    )
+    given = np.isfinite(wanted)
+    assert seconds[given] == pytest.approx(np.maximum(wanted, least)[given], rel=1e-8)
+    assert seconds[3] > 1e-3, "too fast for any arm"
+    assert (seconds[given] == 2.0).sum() >= 20
+    (speed,) = (c for c in reach_checks([motion], CELL, 71) if c.name == "joint_speed")
+    assert speed.passed.all()
 
 
 def test_a_flat_strip_is_never_turned_in_the_grip():

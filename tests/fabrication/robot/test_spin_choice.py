@@ -164,3 +164,26 @@ def test_spin_turns_about_the_tools_own_z(angle):
     local = np.eye(4)
     local[:2, :2] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
     np.testing.assert_allclose(spun(pose, np.asarray(angle)), pose @ local, rtol=0, atol=1e-12)
+
+
+def test_a_free_distance_is_kept_like_the_other_limits():
+    poses = random_path(IRB, np.random.default_rng(11), 6)
+    bounds = limits(spins=24, clearance_mm=10.0)
+    moves = np.full(5, 10.0), np.ones(5, dtype=bool)
+    first = choose_spins(IRB, poses, *moves, bounds)
+    asked = []
+
+    def beside(joints, pose):
+        """As if the arm were clear only where joint 6 is on the other side of where it was chosen to be."""
+        asked.append(len(pose))
+        np.testing.assert_allclose(
+            IRB.forward(joints)[:, :3, 3], poses[pose, :3, 3], rtol=0, atol=1e-6
+        )  # each posture comes with its own pose
+        away = np.cos(joints[:, 5] - first.joints_rad[pose, 5])
+        return np.where(away < 0.0, 20.0, 5.0)
+
+    other = choose_spins(IRB, poses, *moves, bounds, beside)
+    assert len(asked) == 1
+    assert (np.cos(other.joints_rad[:, 5] - first.joints_rad[:, 5]) < 0.0).all()
+    free = choose_spins(IRB, poses, *moves, bounds, lambda joints, pose: np.full(len(pose), 15.0))
+    np.testing.assert_array_equal(free.spin_rad, first.spin_rad)  # roomy everywhere: nothing changes

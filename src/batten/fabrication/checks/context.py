@@ -108,7 +108,7 @@ class CheckContext:
         along = flat - whole[:, None, :2]
         curvature = whole[:, None, 3] + along[..., 0] * whole[:, None, 5] - along[..., 1] * whole[:, None, 4]
         cut = to_world(origin, frame, points_batch(piece, np.linspace(0.0, 1.0, PIECE_STATIONS)))
-        depth = _plan_depth(cut, low, high)
+        depth = plan_depth(cut, low, high)
         return cls(
             job=job,
             surface=surface,
@@ -131,7 +131,7 @@ class CheckContext:
             curvature=curvature,
             piece_points=cut,
             piece_inside=depth >= -PLAN_SLACK_MM,
-            inside=_interval(depth),
+            inside=interval_within(depth),
             pairs=_successive(index, leaf),
         )
 
@@ -160,7 +160,7 @@ class CheckContext:
             some = np.flatnonzero(sizes == size)
             design = np.stack([self.rods[i].design for i in some])
             world = to_world(self.origin[some], self.frame[some], design)
-            span = _interval(_plan_depth(world, self.box_low[some], self.box_high[some]))
+            span = interval_within(plan_depth(world, self.box_low[some], self.box_high[some]))
             if whole:
                 span = np.where(np.isnan(span), np.nan, [0.0, 1.0])
             t = span[:, :1] + (span[:, 1:] - span[:, :1]) * np.linspace(0.0, 1.0, count)
@@ -199,13 +199,6 @@ def greatest(values: FloatArray) -> FloatArray:
     return np.where(np.isneginf(best), np.nan, np.where(inner, peak, best))
 
 
-def box_distance(points: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
-    """Signed distance of points (…, 3) from boxes with corners that broadcast to (…, 3): negative within; shape (…)."""
-    beyond = np.maximum(low - points, points - high)
-    outside = np.sqrt((np.maximum(beyond, 0.0) ** 2).sum(axis=-1))
-    return np.asarray(outside + np.minimum(beyond.max(axis=-1), 0.0))
-
-
 def worst_of_pairs(n: int, pairs: IntArray, values: FloatArray, *, least: bool) -> FloatArray:
     """For each of n rods the least (or greatest) of the values, (k,), of the pairs, (k, 2), it is part of; NaN if none."""
     out = np.full(n, np.nan)
@@ -218,13 +211,13 @@ def _corners(blocks: Sequence[Block]) -> tuple[list[FloatArray], list[FloatArray
     return [b.corner_mm for b in blocks], [np.add(b.corner_mm, b.size_mm) for b in blocks]
 
 
-def _plan_depth(points: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
+def plan_depth(points: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
     """How far points (n, k, 3) lie within the blocks' plan rectangles, negative outside; shape (n, k)."""
     inner = np.minimum(points - low[:, None], high[:, None] - points)
     return np.asarray(inner[..., :2].min(axis=-1))
 
 
-def _interval(depth: FloatArray) -> FloatArray:
+def interval_within(depth: FloatArray) -> FloatArray:
     """From which to which fraction of their range samples (n, k) are at least −PLAN_SLACK_MM, linear between; (n, 2)."""
     n, k = depth.shape
     above = depth + PLAN_SLACK_MM

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from batten.fabrication.checks.context import CheckContext, box_distance
+from batten.fabrication.checks.context import CheckContext
+from batten.fabrication.collisions import box_distance
 from batten.fabrication.plan import CheckResult
 
 

@@ -22,7 +22,7 @@ def reach_checks(motions: Sequence[BlockMotion], cell: RobotCell, n_rods: int) -
       axis 1 (`RobotArm.singularity`); 0 where the leaf cannot be reached.
     - `conditioning` (soft): least singular value of the Jacobian, metres and radians; 0 where it cannot be reached.
     - `joint_speed` (%): the fastest joint's share of its rated speed on the moves to and from the leaf, when the faster
-      rod end moves at the cutting speed.
+      rod end moves at the cutting speed, or in the time that the kerf asks for.
     - `joint_step` (°): the greatest turn of a joint on these moves; on a move over leaves that are left out, per leaf.
 
     Parameters:
@@ -51,7 +51,7 @@ def reach_checks(motions: Sequence[BlockMotion], cell: RobotCell, n_rods: int) -
         values["joint_limits"][rods] = np.degrees(_worse(both, lambda arm: arm.joint_margin_rad, -np.pi))
         values["singularity"][rods] = _worse(both, lambda arm: arm.singularity, 0.0)
         values["conditioning"][rods] = _worse(both, lambda arm: arm.conditioning, 0.0)
-        seconds = move_seconds(motion)
+        seconds = motion.seconds
         steps = [np.abs(np.diff(_with_ends(arm), axis=0)) for arm in both]
         robots: tuple[RobotArm, RobotArm] = (cell.left, cell.right)
         speed = [(s / seconds[:, None] / robot.joint_speeds_rad_s).max(axis=1) for s, robot in zip(steps, robots)]
@@ -60,15 +60,6 @@ def reach_checks(motions: Sequence[BlockMotion], cell: RobotCell, n_rods: int) -
         inner = np.fmax(*(s[1:-1].max(axis=1) for s in steps)) / np.maximum(np.diff(rods), 1)
         values["joint_step"][rods] = np.degrees(_worst_move(np.r_[np.nan, inner, np.nan]))
     return _results(values, cell)
-
-
-def move_seconds(motion: BlockMotion) -> FloatArray:
-    """How long each move of a block takes at the cutting speed: approach to first leaf, …, last leaf to leave; (n + 1,)."""
-    ways = [
-        np.linalg.norm(np.diff(np.concatenate([a.approach[None], a.poses, a.leave[None]])[:, :3, 3], axis=0), axis=1)
-        for a in (motion.left, motion.right)
-    ]
-    return np.maximum(np.maximum(*ways) / motion.speed_mm_s, 1e-9)
 
 
 def _with_ends(arm: ArmMotion) -> FloatArray:
@@ -87,7 +78,7 @@ def _worst_move(moves: FloatArray) -> FloatArray:
 
 def _results(values: dict[str, FloatArray], cell: RobotCell) -> tuple[CheckResult, ...]:
     both = "The worse of the two arms, with the rod turned in the grip for the best margin."
-    moves = "From leaf to leaf at the cutting speed, both ends arriving together."
+    moves = "From leaf to leaf in the time planned, both ends arriving together."
     return (
         CheckResult("reach", "Reach of the robots", "mm", cell.min_reach_mm, "min", values["reach"], both),
         CheckResult(

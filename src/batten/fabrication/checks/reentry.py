@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from batten.curves.elastica import points_batch
-from batten.fabrication.checks.context import CheckContext, box_distance, shifted, to_world
+from batten.fabrication.checks.context import CheckContext, shifted, to_world
+from batten.fabrication.collisions import box_distance
 from batten.fabrication.plan import CheckResult
 from batten.typing import BoolArray, FloatArray
 

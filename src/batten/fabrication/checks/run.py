@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from batten.fabrication.checks.continuity import continuity_checks
 from batten.fabrication.checks.deviation import deviation_checks
 from batten.fabrication.checks.forces import forces_checks
 from batten.fabrication.checks.gripper_clearance import gripper_clearance_check
+from batten.fabrication.checks.kerf import kerf_checks
 from batten.fabrication.checks.reentry import reentry_check
 from batten.fabrication.checks.speed_ratio import speed_ratio_check
 from batten.fabrication.checks.stability import stability_checks
@@ -33,6 +34,7 @@ def run_checks(
     rods: Sequence[RodPlacement],
     motions: Sequence[BlockMotion] = (),
     cell: RobotCell | None = None,
+    blade_axis: Literal["x", "y"] | None = None,
 ) -> tuple[CheckResult, ...]:
     """Every check over all rods of a plan, refused ones included.
 
@@ -42,17 +44,21 @@ def run_checks(
         blocks: every block that a rod names.
         rods: in the plan's order; each check has one value for each of them.
         motions: what the robots do, as far as it is planned; without, the robots' checks are left out.
-        cell: needed with `motions`.
+        cell: needed with `motions`. blade_axis: wall axis along which the blade lies, needed with `motions`.
 
     Returns:
         strain, deviation, deviation_mean, hausdorff, jump, jump_tangent, reentry, gripper_clearance, straightness,
         passes_straight, stability, snap_shift, snap_turn, jump_between, speed_ratio, gripper_force, gripper_moment, then
-        the robots' checks.
+        the robots' checks, and kerf where the job gives a law for it.
 
     Raises:
-        InvalidInputError: motions without a cell, a rod in a block that is not there.
+        InvalidInputError: motions without a cell or a blade axis, a rod in a block that is not there.
     """
-    return rod_checks(job, surface, blocks, rods) + robot_checks(motions, cell, len(rods))
+    return (
+        rod_checks(job, surface, blocks, rods)
+        + robot_checks(job, blocks, rods, motions, cell, blade_axis)
+        + kerf_checks(job, blocks, rods, motions)
+    )
 
 
 def rod_checks(
@@ -73,15 +79,28 @@ def rod_checks(
     )
 
 
-def robot_checks(motions: Sequence[BlockMotion], cell: RobotCell | None, rods: int) -> tuple[CheckResult, ...]:
-    """The checks of `run_checks` that need the robots' motions; none without motions. `rods`: how many the plan has."""
+def robot_checks(
+    job: CutJob,
+    blocks: Sequence[Block],
+    rods: Sequence[RodPlacement],
+    motions: Sequence[BlockMotion],
+    cell: RobotCell | None,
+    blade_axis: Literal["x", "y"] | None,
+) -> tuple[CheckResult, ...]:
+    """The checks of `run_checks` that need the robots' motions; none without motions."""
     if not motions:
         return ()
     if cell is None:
         raise InvalidInputError(f"{len(motions)} motions were given without the robot cell they belong to; pass cell=")
+    if blade_axis is None:
+        raise InvalidInputError(
+            f'{len(motions)} motions were given without the way the blade lies; pass blade_axis="x" or "y"'
+        )
+    from batten.fabrication.checks.collision import collision_check, travel_check
     from batten.fabrication.checks.reach import reach_checks
 
-    return tuple(reach_checks(motions, cell, rods))
+    given = (job, cell, blocks, rods, motions, blade_axis)
+    return (*reach_checks(motions, cell, len(rods)), collision_check(*given), travel_check(*given))
 
 
 def refusals(checks: Sequence[CheckResult], rods: Sequence[RodPlacement]) -> dict[int, tuple[str, ...]]:

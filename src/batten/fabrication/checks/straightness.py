@@ -6,7 +6,7 @@ import numpy as np
 
 from batten.fabrication.checks.context import CheckContext, greatest, worst_of_pairs
 from batten.fabrication.plan import CheckResult
-from batten.typing import FloatArray
+from batten.typing import FloatArray, IntArray
 
 _SHARES = np.linspace(0.0, 1.0, 9)
 _STRIDE = 4
@@ -26,6 +26,7 @@ def straightness_checks(context: CheckContext) -> tuple[CheckResult, CheckResult
     Accuracy: the bow to 1e-6 of itself; the least bow on the way to 1/100 of the change of bow.
     """
     limit = context.job.rod.min_bow_mm
+    between = least_bows_between(context.curvature, context.rod_parameters[:, 6], context.pairs)
     return (
         CheckResult(
             "straightness",
@@ -42,7 +43,7 @@ def straightness_checks(context: CheckContext) -> tuple[CheckResult, CheckResult
             "mm",
             limit,
             "min",
-            worst_of_pairs(len(context.rods), context.pairs, _least_bow_between(context), least=True),
+            worst_of_pairs(len(context.rods), context.pairs, between, least=True),
             "The curvature is assumed to change linearly between successive leaves of a block.",
             hard=False,
         ),
@@ -69,17 +70,21 @@ def bow(points: FloatArray) -> FloatArray:
     return np.where(closed, np.hypot(along[..., 0], along[..., 1]).max(axis=-1), bowed)
 
 
-def _least_bow_between(context: CheckContext) -> FloatArray:
+def least_bows_between(curvature: FloatArray, lengths: FloatArray, pairs: IntArray) -> FloatArray:
     """Least bow while the curvature goes linearly from that of one rod to the next's, for every pair: (k,).
 
     Of nine shares between the two the one with the least bow is found, then of nine around it, three times in all.
+
+    Parameters:
+        curvature: (n, m), of n rods at equal steps from end to end, m − 1 a multiple of 4. lengths: (n,), of the rods.
+        pairs: (k, 2), indices of rods.
     """
-    if len(context.pairs) == 0:
+    if len(pairs) == 0:
         return np.empty(0)
-    kappa = context.curvature[:, ::_STRIDE]
-    step = context.rod_parameters[:, 6] / (kappa.shape[1] - 1.0)
-    first, second = (kappa[context.pairs[:, i]] for i in (0, 1))
-    step = step[context.pairs].mean(axis=1)
+    kappa = curvature[:, ::_STRIDE]
+    step = lengths / (kappa.shape[1] - 1.0)
+    first, second = (kappa[pairs[:, i]] for i in (0, 1))
+    step = step[pairs].mean(axis=1)
     low, high = np.zeros(len(first)), np.ones(len(first))
     least = np.full(len(first), np.inf)
     for _ in range(_ZOOMS):

@@ -73,6 +73,8 @@ class RobotArm:
         flip_axes: six flags, true where the maker turns the other way.
         base: (4, 4), the robot's base in the cell frame, mm.
         tool: (4, 4), the tool centre point in the flange frame, mm.
+        link_radii_mm: shape (6,), radii of the capsules that hold base, shoulder, upper arm, elbow, forearm and wrist
+            (`batten.fabrication.robot.links`).
 
     Raises:
         InvalidInputError: numbers that are not finite, limits in the wrong order, speeds or lengths that are not positive,
@@ -92,6 +94,7 @@ class RobotArm:
     flip_axes: tuple[bool, ...] = (False,) * 6
     base: FloatArray = field(default_factory=lambda: np.eye(4))
     tool: FloatArray = field(default_factory=lambda: np.eye(4))
+    link_radii_mm: FloatArray = field(default_factory=lambda: np.full(6, 150.0))
 
     def __post_init__(self) -> None:
         d = _vector(f"{self.name}: dimensions_mm", self.dimensions_mm, (7,))
@@ -106,12 +109,16 @@ class RobotArm:
             )
         if not (speeds > 0.0).all():
             raise InvalidInputError(f"{self.name}: joint speeds must be positive; got {speeds.tolist()} rad/s")
+        radii = _vector(f"{self.name}: link_radii_mm", self.link_radii_mm, (6,))
+        if not (radii >= 0.0).all():
+            raise InvalidInputError(f"{self.name}: link_radii_mm must be 0 or more; got {radii.tolist()}")
         if len(self.flip_axes) != 6:
             raise InvalidInputError(f"{self.name}: flip_axes needs six flags; got {self.flip_axes!r}")
         object.__setattr__(self, "dimensions_mm", d)
         object.__setattr__(self, "joint_limits_rad", limits)
         object.__setattr__(self, "joint_speeds_rad_s", speeds)
         object.__setattr__(self, "joint_offsets_rad", offsets)
+        object.__setattr__(self, "link_radii_mm", radii)
         object.__setattr__(self, "base", rigid_pose(f"{self.name}: base", self.base))
         object.__setattr__(self, "tool", rigid_pose(f"{self.name}: tool", self.tool))
 
@@ -276,7 +283,8 @@ def _degrees(*rows: tuple[float, float]) -> FloatArray:
 # ABB IRB 6620-150/2.2. Dimensions and working ranges: ABB product specification 3HAC025861-001; the same numbers stand in
 # the open preset of RobotComponents (IRB6620_150_220). They add up to the reach that ABB prints, 2.20 m from axis 1 to the
 # wrist centre: 320 + 975 + hypot(887, 200) = 2204 mm. Axis 3 counts from a horizontal forearm, hence the offset. The axis
-# speeds are those of ABB's data sheet as usually quoted; compare them with the plate of your own robot.
+# speeds are those of ABB's data sheet as usually quoted; compare them with the plate of your own robot. The radii are not
+# ABB's: round numbers for a robot of this size, dress pack not included, to be replaced by what is measured on one's own.
 _PRESETS: dict[str, RobotArm] = {
     "irb-6620-150-2.2": RobotArm(
         name="ABB IRB 6620-150/2.2",
@@ -284,6 +292,7 @@ _PRESETS: dict[str, RobotArm] = {
         joint_limits_rad=_degrees((-170, 170), (-65, 140), (-180, 70), (-300, 300), (-130, 130), (-300, 300)),
         joint_speeds_rad_s=np.radians([100.0, 90.0, 90.0, 150.0, 120.0, 190.0]),
         joint_offsets_rad=np.array([0.0, 0.0, -0.5 * np.pi, 0.0, 0.0, 0.0]),
+        link_radii_mm=np.array([350.0, 300.0, 180.0, 250.0, 150.0, 130.0]),
     ),
 }
 

@@ -40,6 +40,8 @@ class RobotCell:
         tool_mass_kg, tool_centre_mm: the gripper's mass, and its centre of mass in the flange frame, shape (3,).
         rod_is_round: whether the rod may turn about its own axis; a flat strip stays at spin 0, its width across the
             plane of bending.
+        min_clearance_mm: least free distance between arms, grippers, rod, block, table and floor.
+        table_mm: plan size of the table, along the blade and across it, centred under the block; None: the block's own.
 
     Raises:
         InvalidInputError: a limit that is negative or not finite, a share outside (0, 1], a pose that is not rigid.
@@ -61,10 +63,12 @@ class RobotCell:
     tool_mass_kg: float = 10.0
     tool_centre_mm: tuple[float, float, float] = (0.0, 0.0, 100.0)
     rod_is_round: bool = True
+    min_clearance_mm: float = 10.0
+    table_mm: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "work_object", rigid_pose("work_object", self.work_object))
-        for name in ("min_joint_margin_rad", "min_reach_mm", "min_singularity", "min_conditioning"):
+        for name in ("min_joint_margin_rad", "min_reach_mm", "min_singularity", "min_conditioning", "min_clearance_mm"):
             value = getattr(self, name)
             if not (np.isfinite(value) and value >= 0.0):
                 raise InvalidInputError(f"{name} must be a finite number, 0 or more; got {value}")
@@ -89,6 +93,7 @@ class RobotCell:
             singularity=max(self.min_singularity, 0.01),
             joint_step_rad=self.max_joint_step_rad,
             joint_speed_fraction=self.max_joint_speed_fraction,
+            clearance_mm=max(self.min_clearance_mm, 1.0),
         )
         return limits if self.rod_is_round else replace(limits, spins=1, window=0)
 
@@ -193,6 +198,8 @@ def cell_from_job(job: CellJob) -> RobotCell:
         min_joint_margin_rad=float(np.radians(job.min_joint_margin_deg)),
         min_reach_mm=float(job.min_reach_margin_mm),
         min_singularity=float(job.min_singularity),
+        min_clearance_mm=float(job.min_clearance_mm),
+        table_mm=job.table_mm,
     )
 
 
@@ -216,6 +223,7 @@ def _arm_from_job(preset: RobotArm, job: ArmJob, who: str) -> RobotArm:
         joint_limits_rad=limits,
         base=_pose_over(preset.base, job.base_mm, job.base_deg),
         tool=_pose_over(preset.tool, job.tool_mm, job.tool_deg),
+        link_radii_mm=preset.link_radii_mm if job.link_radii_mm is None else np.array(job.link_radii_mm),
     )
     if job.kinematics is None:
         return arm

@@ -3,20 +3,31 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
 
 from batten.errors import InvalidInputError
+from batten.fabrication.collisions import Capsules
 from batten.fabrication.plan import ArmMotion, BlockMotion
 from batten.fabrication.robot.arm import RobotArm
 from batten.fabrication.robot.cell import RobotCell
-from batten.fabrication.robot.spin_choice import choose_spins, spun
-from batten.typing import ArrayLike, BoolArray, FloatArray
+from batten.fabrication.robot.motion_clearance import arm_clearance, arm_in_work
+from batten.fabrication.robot.spin_choice import Clearance, choose_spins, spun
+from batten.typing import ArrayLike, BoolArray, FloatArray, IntArray
 
 Frames: TypeAlias = tuple[ArrayLike, ArrayLike, ArrayLike]
 
 _APPROACH_SAMPLE_MM = 50.0
+
+
+@dataclass(frozen=True, eq=False)
+class KeepClear:
+    """What arms must stay clear of, beside each other and the table: the block, (3,) along the blade, across it, height."""
+
+    block_size_mm: FloatArray
+    gripper_radius_mm: float
 
 
 def grip_poses(positions_mm: ArrayLike, tangents: ArrayLike, normals: ArrayLike, side: str) -> FloatArray:
@@ -70,12 +81,16 @@ def plan_block_motion(
     *,
     block: int,
     rods: Sequence[int],
+    leaf_seconds: FloatArray | None = None,
+    approach_rise: float = 0.0,
+    leave_rise: float = 0.0,
+    keep_clear: KeepClear | None = None,
 ) -> BlockMotion:
     """The motion of both arms for one block: the rod's spin and both arms' configurations chosen for the best margins.
 
     Both arms start a move together and end it together; the end that has further to go moves at `speed_mm_s`. The
-    approach and leave poses are the first and last leaf's, moved along the work frame's y axis out of the block; the
-    straight ways between them and the leaves are checked with the leaves.
+    approach and leave poses are the first and last leaf's, moved along the work frame's y axis out of the block and up or
+    down as they are to rise; the straight ways between them and the leaves are checked with the leaves.
 
     Parameters:
         cell: arms, tools, place of the block, limits.
@@ -86,6 +101,12 @@ def plan_block_motion(
         leave_mm: how far behind the last leaf the leave pose lies, towards +y, 0 or more.
         block: number of the block.
         rods: indices into the plan's rods, one per leaf.
+        leaf_seconds: shape (n − 1,), times wanted for the moves between leaves, lengthened where a joint would be too fast;
+            the speed rules where NaN, or all of None.
+        approach_rise, leave_rise: by how much the approach and the leave pose lie higher, for each mm of `approach_mm` and
+            `leave_mm`.
+        keep_clear: what the arms' spins and configurations must stay clear of, first the left arm's, then the right arm's
+            with regard to it; None leaves it out.
 
     Returns:
         The motion. Leaves that an arm cannot reach have NaN joints and margins, and the other leaves are planned as if
@@ -109,18 +130,37 @@ def plan_block_motion(
                 f"block {block}: {n} rods need (n, 3) frames with n = {n} ≥ 1; the {side} arm's have shape "
                 f"{poses.shape[:-2]}"
             )
-    before = _stations(approach_mm)[:0:-1]
-    after = _stations(leave_mm)[1:]
+    if not (np.isfinite(approach_rise) and np.isfinite(leave_rise)):
+        raise InvalidInputError(f"ways must rise by finite numbers; got {approach_rise} and {leave_rise}")
+    before = np.outer(_stations(approach_mm)[:0:-1], [0.0, -1.0, approach_rise])
+    after = np.outer(_stations(leave_mm)[1:], [0.0, 1.0, leave_rise])
     path = {side: _with_ways(poses, before, after) for side, poses in leaves.items()}
     moves = [np.linalg.norm(np.diff(poses[:, :3, 3], axis=0), axis=1) for poses in path.values()]
     seconds = np.maximum(np.maximum(*moves) / speed_mm_s, 1e-9)
+    between = slice(len(before), len(before) + n - 1)
+    if leaf_seconds is not None:
+        seconds[between] = np.where(np.isnan(leaf_seconds), seconds[between], leaf_seconds)
     may_turn = np.zeros(len(seconds), dtype=bool)
-    may_turn[len(before) : len(before) + n - 1] = True
-    arms = {
-        side: _arm_motion(cell, cell.arm(side), path[side], seconds, may_turn, slice(len(before), len(before) + n))
-        for side in path
-    }
-    return BlockMotion(block, tuple(int(r) for r in rods), arms["left"], arms["right"], float(speed_mm_s))
+    may_turn[between] = True
+    here = slice(len(before), len(before) + n)
+    arms: dict[str, ArmMotion] = {}
+    other: Capsules | None = None
+    for side in ("left", "right"):
+        clearance = None if keep_clear is None else _clearance(cell, side, keep_clear, other)
+        arms[side], joints = _arm_motion(cell, cell.arm(side), path[side], seconds, may_turn, here, clearance)
+        if keep_clear is not None:
+            other = arm_in_work(cell, side, joints, keep_clear.gripper_radius_mm)
+    planned = None if leaf_seconds is None else _possible_seconds(cell, arms, leaf_seconds)
+    return BlockMotion(block, tuple(int(r) for r in rods), arms["left"], arms["right"], float(speed_mm_s), planned)
+
+
+def _possible_seconds(cell: RobotCell, arms: dict[str, ArmMotion], wanted: FloatArray) -> FloatArray:
+    """The wanted times, or the least that the joints' speeds allow; NaN stays, a leaf out of reach asks for nothing."""
+    least = np.zeros(len(wanted))
+    for side, arm in arms.items():
+        allowed = cell.max_joint_speed_fraction * cell.arm(side).joint_speeds_rad_s
+        least = np.fmax(least, (np.abs(np.diff(arm.joints_rad, axis=0)) / allowed).max(axis=1))
+    return np.where(np.isnan(wanted), np.nan, np.maximum(wanted, least * (1.0 + 1e-9)))
 
 
 def _stations(distance_mm: float) -> FloatArray:
@@ -129,21 +169,40 @@ def _stations(distance_mm: float) -> FloatArray:
 
 
 def _with_ways(leaves: FloatArray, before: FloatArray, after: FloatArray) -> FloatArray:
-    """Leaf poses with the poses on the way in and out, all in the work frame."""
+    """Leaf poses with the poses on the way in and out, (…, 3) from the first and the last leaf, all in the work frame."""
     way_in = np.repeat(leaves[:1], len(before), axis=0)
-    way_in[:, 1, 3] -= before
+    way_in[:, :3, 3] += before
     way_out = np.repeat(leaves[-1:], len(after), axis=0)
-    way_out[:, 1, 3] += after
+    way_out[:, :3, 3] += after
     return np.concatenate([way_in, leaves, way_out])
 
 
+def _clearance(cell: RobotCell, side: str, keep_clear: KeepClear, other: Capsules | None) -> Clearance:
+    """Free distances of one arm's postures, given the other arm's capsules at the poses of the path."""
+
+    def free(joints_rad: FloatArray, pose: IntArray) -> FloatArray:
+        beside = None
+        if other is not None:
+            beside = Capsules(other.start[pose], other.end[pose], other.radius, other.names)
+        return arm_clearance(cell, side, joints_rad, keep_clear.block_size_mm, keep_clear.gripper_radius_mm, beside)
+
+    return free
+
+
 def _arm_motion(
-    cell: RobotCell, arm: RobotArm, path: FloatArray, seconds: FloatArray, may_turn: BoolArray, leaves: slice
-) -> ArmMotion:
-    chosen = choose_spins(arm, cell.work_object @ path, seconds, may_turn, cell.spin_limits())
+    cell: RobotCell,
+    arm: RobotArm,
+    path: FloatArray,
+    seconds: FloatArray,
+    may_turn: BoolArray,
+    leaves: slice,
+    clearance: Clearance | None,
+) -> tuple[ArmMotion, FloatArray]:
+    """What the arm does, and its joints at all poses of the path."""
+    chosen = choose_spins(arm, cell.work_object @ path, seconds, may_turn, cell.spin_limits(), clearance)
     poses = spun(path, chosen.spin_rad)
     joints = chosen.joints_rad
-    return ArmMotion(
+    motion = ArmMotion(
         poses=poses[leaves],
         joints_rad=joints[leaves],
         spin_rad=chosen.spin_rad[leaves],
@@ -157,3 +216,4 @@ def _arm_motion(
         leave_joints_rad=joints[-1],
         configuration=arm.configuration(joints)[leaves],
     )
+    return motion, joints

@@ -5,24 +5,31 @@ that circle and the eight branches of the inverse kinematics, a path through the
 branch (no change of configuration within a block):
 
 1. the greatest least margin: dynamic programming for the path whose worst margin is the best that any path has, each
-   margin divided by the limit that it must keep (joint limits, singularity, reach, joint step between leaves);
+   margin divided by the limit that it must keep (joint limits, singularity, reach, joint step between leaves and, where it
+   is asked for, the free distance);
 2. among the paths that keep four fifths of that margin, the one that moves the joints least, Σ|Δq|². Where no path keeps
    the limits, the shortfalls are added up instead of forbidden, so that one bad leaf does not spoil the others.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 
 from batten.fabrication.robot.arm import RobotArm
 from batten.typing import BoolArray, FloatArray, IntArray
 
+Clearance: TypeAlias = Callable[[FloatArray, IntArray], FloatArray]
+"""Free distances (j,), mm, of the arm at joints (j, 6), each at the pose of that index, (j,)."""
+
 _UNREACHABLE = -1.0e3  # below every margin that a reachable pose can have
 _KEPT = 0.8  # share of the best margin that the second step keeps
 _SHORTFALL_COST = 100.0  # rad² for one limit missed by its own size: far above any motion of the joints
 _DEEPEST = -10.0  # shortfalls beyond this many limits are all the same
+_ROOMY = 1.5  # a free distance of so many times its limit is as good as any
 _EASY_STEP = 0.5  # joint steps below this share of their limit count as free
 
 
@@ -38,6 +45,7 @@ class SpinLimits:
         joint_speed_fraction: greatest share of a joint's rated speed.
         spins: how many turns of the rod are tried over the full circle.
         window: how many of them the rod may turn between successive leaves.
+        clearance_mm: least free distance, where a function for it is given.
     """
 
     joint_margin_rad: float
@@ -47,6 +55,7 @@ class SpinLimits:
     joint_speed_fraction: float
     spins: int = 72
     window: int = 4
+    clearance_mm: float = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +82,12 @@ def spun(poses: FloatArray, spin_rad: FloatArray) -> FloatArray:
 
 
 def choose_spins(
-    arm: RobotArm, poses: FloatArray, seconds: FloatArray, may_turn: BoolArray, limits: SpinLimits
+    arm: RobotArm,
+    poses: FloatArray,
+    seconds: FloatArray,
+    may_turn: BoolArray,
+    limits: SpinLimits,
+    clearance: Clearance | None = None,
 ) -> SpinPath:
     """The turn of the rod at every pose, and the branch, with the best margins (see the module's first lines).
 
@@ -82,6 +96,7 @@ def choose_spins(
         seconds: shape (n − 1,), how long the move between successive poses takes.
         may_turn: shape (n − 1,), whether the rod may turn in the grip on that move.
         limits: what to keep.
+        clearance: free distances to be kept too; without, none is looked at.
 
     Returns:
         A path, always: where no path keeps the limits, the one that breaks them least; poses out of reach have NaN joints.
@@ -91,6 +106,10 @@ def choose_spins(
     grid = 2.0 * np.pi * np.arange(limits.spins) / limits.spins
     found = arm.inverse(spun(poses[:, None], grid))
     margins = _margins(arm, found.joints_rad, found.extension_mm, limits)
+    if clearance is not None:
+        row, spin, branch = np.nonzero(margins > 0.0)
+        free = clearance(found.joints_rad[row, spin, branch], row) / limits.clearance_mm
+        np.minimum.at(margins, (row, spin, branch), np.where(free >= _ROOMY, np.inf, free))
     margins[margins.max(axis=(1, 2)) <= _UNREACHABLE] = -_UNREACHABLE  # reached in no way: has no say in the choice
     reached = margins.max(axis=1)
     bounds = reached.min(axis=0)  # no path on a branch is better than its worst pose
