@@ -8,6 +8,7 @@ OUT ?= out/freeform-wall
 
 demo: $(VENV)/.installed
 	$(BIN)/batten cut examples/freeform-wall/wall.toml -o $(OUT)
+	$(BIN)/batten simulate $(OUT)
 
 refusal: $(VENV)/.installed
 	$(BIN)/batten cut examples/freeform-wall/refused.toml -o out/refused

@@ -34,6 +34,7 @@ from batten.io.report_tables import (
     spaced,
     table,
 )
+from batten.io.simulation_page import files_section, report_section
 from batten.io.software import software_name
 
 _PICTURES = (  # key, heading, what is seen
@@ -79,7 +80,13 @@ def report_html(plan: CutPlan, job: CutJob, *, pictures: bool, files: Mapping[st
         wall, *others = drawn
         body += [_figures(plan, job, numbers), wall, _checks(plan), _maps(plan), _leaves(plan), *others]
         body += [_forces(plan, numbers)]
-    body += [_direction(plan), _job(job), _files(files), _signature()]
+    body += [
+        report_section(None),
+        _direction(plan),
+        _job(job),
+        *([files_section(files)] if files else []),
+        _signature(),
+    ]
     return (
         f'<!DOCTYPE html>\n<html lang="en" xmlns="http://www.w3.org/1999/xhtml">\n<head>\n<meta charset="utf-8" />\n'
         f'<meta name="viewport" content="width=device-width" />\n<title>{title} – cut report</title>\n'
@@ -282,16 +289,6 @@ def _fact(value: float | int | str) -> str:
 
 def _job(job: CutJob) -> str:
     return f'<section><h2>The job as read</h2><div class="two">{job_tables(job)}</div></section>'
-
-
-def _files(files: Mapping[str, str]) -> str:
-    if not files:
-        return ""
-    rows = [[f"<code>{html.escape(name)}</code>", f"<code>{sha[:12]}</code>"] for name, sha in sorted(files.items())]
-    about = (
-        "<p><code>batten check</code> on this folder compares every file with its sum and recomputes every check.</p>"
-    )
-    return f"<section><h2>Files</h2>{about}{halves(('file', 'SHA-256 begins'), rows, numbers=(1,))}</section>"
 
 
 def _signature() -> str:
