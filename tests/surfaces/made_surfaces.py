@@ -59,11 +59,14 @@ def cylinder(radius, length):
 
 
 def example_wall():
-    """The example's surface in mm (10 × 10 units of 300 mm) and its job."""
+    """The example's surface in mm (10 × 10 units of 300 mm) and its job, every leaf chosen for itself."""
+    from dataclasses import replace
+
     from batten.io.job import load_job
     from batten.io.job_surface import read_job_surface
 
     job = load_job(EXAMPLE / "wall.toml")
+    job = replace(job, leaves=replace(job.leaves, hold_between=False))
     return read_job_surface(job.surface), job
 
 

@@ -10,7 +10,7 @@ from batten.errors import InvalidInputError
 from batten.surfaces.bspline_surface import BSplineSurface
 from batten.surfaces.deviation import surface_deviation
 from batten.surfaces.foliation import intersect_planes, parallel_planes
-from batten.surfaces.rationalise import Chains, rationalise
+from batten.surfaces.rationalise import Chains, eased, rationalise
 
 FORCE = (3e-6, 2e-6)
 EDGES = np.array([0.0, 600.0, 1200.0, 1800.0])
@@ -302,3 +302,38 @@ def test_a_flat_surface_gives_lines(made_surfaces) -> None:
     slope = (intersect_planes(flat, planes, [0.0]).slope).ravel()
     assert np.tan(chains.parameters[..., 2]) == pytest.approx(np.tile(slope[:, None], (1, 2)), abs=1e-12)
     assert_smooth(chains)
+
+
+def test_easing_lets_moves_swell_and_fade_within_the_tolerance(wall, difficult) -> None:
+    """Neighbours that keep the tolerance no longer jump against one another, and none leaves it for that."""
+    planes, edges, chains = difficult
+    soft = eased(wall, chains, TOLERANCE, inside=within)
+    before, after = (np.nan_to_num(c.deviation).max(axis=1) for c in (chains, soft))
+    kept = before <= TOLERANCE
+    assert 5 < kept.sum() < len(kept)
+    assert (after[kept] <= TOLERANCE).all()
+    assert np.array_equal(soft.parameters[~kept], chains.parameters[~kept])
+    assert np.array_equal(soft.joints[~kept], chains.joints[~kept])
+    jumps = [np.abs(np.diff(c.moved[..., 1], axis=0)).max(axis=1)[kept[1:] & kept[:-1]] for c in (chains, soft)]
+    assert jumps[1].max() < 0.7 * jumps[0].max()
+    assert np.abs(chains.joints - chains.moved - soft.joints + soft.moved).max() < 1e-12
+    assert_smooth(soft)
+    ends = points_batch(soft.parameters, [0.0, 1.0])
+    assert np.abs(ends[:, :, 0] - np.stack([edges[:, :-1], soft.joints[:, :-1, 0]], axis=-1)).max() < 1e-8
+    deviation = soft.deviation
+    again = surface_deviation(
+        wall,
+        np.stack([p.to_world(points_batch(q, np.linspace(0.0, 1.0, 33))) for p, q in zip(planes, soft.parameters)]),
+        extend=0.25,
+    )
+    worst = np.abs(again.signed).max(axis=-1)
+    inner = np.isfinite(deviation) & (np.arange(len(planes)) > 4)[:, None] & (np.arange(len(planes)) < 31)[:, None]
+    assert (worst[inner] <= deviation[inner] * 1.02 + 1e-3).all()  # in space no farther than in the plane
+
+
+def test_nothing_is_eased_where_nothing_was_moved(swept) -> None:
+    planes = parallel_planes("x", np.linspace(0.0, 300.0, 5))
+    chains = rationalise(swept, planes, np.tile(EDGES, (5, 1)), TOLERANCE)
+    assert eased(swept, chains, TOLERANCE) is chains
+    with pytest.raises(InvalidInputError, match=r"tolerance = 0.0; allowed are numbers above 0"):
+        eased(swept, chains, 0.0)

@@ -9,6 +9,7 @@ import numpy as np
 
 from batten.curves.elastica import Elastica, states_at
 from batten.errors import InvalidInputError
+from batten.fabrication.between_leaves import strays_between
 from batten.fabrication.block_motions import flatter_ways, move_blocks
 from batten.fabrication.block_order import travel_mm, way_length_mm
 from batten.fabrication.checks.kerf import kerf_checks
@@ -23,7 +24,7 @@ from batten.measures.lambda_class import BEST_BELOW, GOOD_BELOW
 from batten.surfaces.bspline_surface import BSplineSurface
 from batten.surfaces.foliation import intersect_planes
 from batten.surfaces.plane import Plane
-from batten.surfaces.rationalise import Chains, rationalise
+from batten.surfaces.rationalise import Chains, eased, rationalise
 from batten.surfaces.straight_leaves import plane_between
 from batten.typing import FloatArray, IntArray
 
@@ -60,7 +61,7 @@ def plan_cut(job: CutJob, surface: BSplineSurface, progress: Progress | None = N
     blocks = wall.blocks(job.blocks)
     family = _choose_planes(job, wall, wanted, blocks, tell)
     chains = _fit_leaves(job, wall, wanted, family.planes, tell)
-    rods = _place(job, wall, wanted, blocks, chains, family)
+    chains, rods = _rods_of_leaves(job, wall, wanted, blocks, chains, family, tell)
     tell("check the rods", 0, 1)
     checks = rod_checks(job, surface, blocks, rods)
     rods = _refuse(rods, refusals(checks, rods))
@@ -73,6 +74,8 @@ def plan_cut(job: CutJob, surface: BSplineSurface, progress: Progress | None = N
 
 _FIT_SHARE = 0.9
 """Share of the tolerance from which joints are moved: the distance is measured more finely in the checks."""
+_MOST_CLOSER = 3
+"""How often leaves are put between those between which the blade strays."""
 
 
 def _choose_planes(
@@ -134,6 +137,45 @@ def _fit_leaves(job: CutJob, wall: Wall, wanted: BladeSurface, planes: tuple[Pla
             break
         chains = chains.with_between(after[good], added.rows(good))
     return chains
+
+
+def _rods_of_leaves(
+    job: CutJob,
+    wall: Wall,
+    wanted: BladeSurface,
+    blocks: tuple[Block, ...],
+    chains: Chains,
+    family: LeafPlanes,
+    tell: Progress,
+) -> tuple[Chains, tuple[RodPlacement, ...]]:
+    """Chains and rods; with `leaves.hold_between`, moves of joints eased and leaves put where the blade strays between.
+
+    As in `_fit_leaves` a plane in which a rod would be too straight is left out: what the blade does there `batten simulate`
+    tells.
+    """
+    if not job.leaves.hold_between:
+        return chains, _place(job, wall, wanted, blocks, chains, family)
+    limit = _FIT_SHARE * job.leaves.tolerance_mm
+    for done in range(_MOST_CLOSER + 1):
+        tell("look between the leaves", done, _MOST_CLOSER + 1)
+        chains = eased(wanted.surface, chains, limit, inside=wall.contains, extend=wanted.extend)
+        rods = _place(job, wall, wanted, blocks, chains, family)
+        stray = np.zeros(len(chains.planes))
+        off = strays_between(wanted.surface, blocks, rods, wanted.extend)
+        np.fmax.at(stray, np.array([r.leaf for r in rods]) - 1, off)
+        after = np.flatnonzero(stray[:-1] > job.leaves.tolerance_mm)
+        if not after.size or done == _MOST_CLOSER:
+            break
+        between = tuple(plane_between(chains.planes[i], chains.planes[i + 1]) for i in after)
+        added = rationalise(
+            wanted.surface, between, wall.edges(between), limit, inside=wall.contains, extend=wanted.extend
+        )
+        good = np.flatnonzero(least_bows(job, added) >= job.rod.min_bow_mm)
+        if not good.size:
+            break
+        chains = chains.with_between(after[good], added.rows(good))
+    tell("look between the leaves", _MOST_CLOSER + 1, _MOST_CLOSER + 1)
+    return chains, rods
 
 
 def _end_turns(job: CutJob, chains: Chains) -> FloatArray:

@@ -72,6 +72,8 @@ class LeavesJob:
             "auto" takes 0, or half of `turn_deg` where the leaves on these borders are straight.
         max_turn_between_deg: greatest turn of a rod's end between successive leaves, degrees; where it is more, leaves are
             put between them.
+        hold_between: whether the blade must keep the tolerance between the leaves too: moves of border points then change
+            gradually from leaf to leaf, and leaves are put between those between which it strays farther.
         max_jump_mm: greatest jump of position between the rods of one leaf at a block border, mm.
         max_jump_deg: greatest jump of tangent there, degrees.
     """
@@ -82,6 +84,7 @@ class LeavesJob:
     turn_deg: float | Literal["auto"] = 0.0
     border_turn_deg: float | Literal["auto"] = "auto"
     max_turn_between_deg: float = 12.0
+    hold_between: bool = False
     max_jump_mm: float = 0.01
     max_jump_deg: float = 0.01
 

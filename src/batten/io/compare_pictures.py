@@ -14,7 +14,7 @@ from batten.fabrication.scan_comparison import ScanComparison
 from batten.typing import FloatArray, IntArray
 
 _PIXELS = 240  # along the longer side of the plan
-_SIGNED = LinearSegmentedColormap.from_list("signed", ["#0b335e", "#7fb2da", "#f0f0ec", "#f0a26b", "#a8320a"])
+SIGNED = LinearSegmentedColormap.from_list("signed", ["#0b335e", "#7fb2da", "#f0f0ec", "#f0a26b", "#a8320a"])
 """Blue: too little foam; nearly white: as designed; orange: too much."""
 
 
@@ -34,7 +34,7 @@ def distance_map(comparison: ScanComparison) -> Figure:
     FigureCanvasAgg(drawing)
     axes = drawing.subplots()
     shown = axes.imshow(
-        middle, origin="lower", extent=(*span[0], *span[1]), cmap=_SIGNED, interpolation="nearest",
+        middle, origin="lower", extent=(*span[0], *span[1]), cmap=SIGNED, interpolation="nearest",
         vmin=-comparison.tolerance_mm, vmax=comparison.tolerance_mm,
     )  # fmt: skip
     bar = drawing.colorbar(shown, ax=axes, extend="both", shrink=0.85)

@@ -122,6 +122,13 @@ class LeavesSection(Section):
         description="Greatest turn of a rod's end between successive leaves; where it is more, leaves are put between them.",
         examples=[12.0],
     )
+    hold_between: bool = Field(
+        default=plain.LeavesJob.hold_between,
+        description="Whether the blade must keep the tolerance between the leaves too, where the robots move the rod's ends "
+        "along straight lines: moves of border points then change gradually from leaf to leaf, and leaves are put between "
+        "those between which it strays farther.",
+        examples=[True],
+    )
     max_jump_mm: float = Field(
         default=plain.LeavesJob.max_jump_mm,
         gt=0.0,

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.colors import LinearSegmentedColormap, Normalize
+from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from batten.fabrication.swept_surface import Simulation, face_distances
+from batten.io.compare_pictures import SIGNED
 from batten.typing import FloatArray, IntArray
 
-SIGNED = LinearSegmentedColormap.from_list("signed", ["#0b335e", "#7fb2da", "#f0f0ec", "#f0a26b", "#a8320a"])
-"""Blue: below the design; nearly white: as designed; orange: above it."""
 _BEYOND = "#c3007a"
 """Beyond the limit, on either side."""
 _BINS = 101

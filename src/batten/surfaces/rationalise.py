@@ -4,6 +4,9 @@ A *chain* is the row of pieces of one leaf. At first every piece holds the leaf'
 is the elastica of least L² distance under these conditions. Where a piece strays more than the tolerance, the chain's
 joints are moved, each along its border and in direction, all together, so that the greatest distance becomes least: a
 linear minimax problem in the joints (Lawson's weights), solved again about every new chain.
+
+Whether joints are moved is decided chain by chain, so that they may jump from leaf to leaf; `eased` lets the moves swell and
+fade over the leaves, where the tolerance allows.
 """
 
 from __future__ import annotations
@@ -25,6 +28,7 @@ from batten.typing import ArrayLike, BoolArray, FloatArray, IntArray
 
 _STATIONS = 33  # where the distance of a piece from its leaf is measured
 _LAWSON = 24
+_EASES = (2.0, 1.0, 0.5)  # how far moves are spread, in distances between leaves; the first that keeps the tolerance
 _FAR = 0.02  # of a piece's length: a fit that is farther away is tried again from other starts
 
 
@@ -124,6 +128,72 @@ def rationalise(
             progress(int(rows[-1]) + 1, len(planes))
     joints, parameters, status, deviation, before, residual = (np.concatenate([p[k] for p in parts]) for k in range(6))
     return Chains(tuple(planes), borders, joints, joints - own, parameters, status, deviation, before, residual)
+
+
+def eased(
+    surface: BSplineSurface,
+    chains: Chains,
+    tolerance: float,
+    *,
+    inside: Callable[[FloatArray], BoolArray] | None = None,
+    extend: float = 0.25,
+    nodes: int = 24,
+) -> Chains:
+    """The same chains with the moves of their joints spread over the leaves, so that they change gradually.
+
+    `rationalise` moves the joints of a chain that misses the tolerance and leaves those of its neighbour that just keeps it:
+    from one to the other the rods' ends jump, and a rod that is led between them strays from both leaves. Here the moves are
+    averaged over neighbouring leaves with Gaussian weights, as wide as the tolerance allows, up to two distances between
+    leaves. In the linear problem that the moves solve, a mean of moves that keep a distance keeps it too.
+
+    Parameters:
+        surface, inside, extend, nodes: as for `rationalise`.
+        chains: in the order of their planes.
+        tolerance: distance that a chain which keeps it must keep; the others stay as they are.
+
+    Returns:
+        The chains; `first_deviation` and `lambda_residual` are those of before.
+
+    Raises:
+        InvalidInputError: a tolerance that is not above 0.
+
+    Accuracy: as `rationalise`.
+    Degenerate: with fewer than three leaves, or without moves, the chains as they are.
+    """
+    if not tolerance > 0.0:
+        raise InvalidInputError(f"tolerance = {tolerance}; allowed are numbers above 0")
+    if len(chains.planes) < 3 or not chains.moved.any():
+        return chains
+    place = np.append(0.0, np.cumsum(np.linalg.norm(np.diff([p.origin for p in chains.planes], axis=0), axis=1)))
+    target = _Target(surface, chains.planes, chains.edges, inside, extend, nodes)
+    whole = (chains.status <= 1).all(axis=1)
+    share = np.gradient(place) * whole  # leaves that lie close together count less
+    pending = np.flatnonzero(whole & (np.nan_to_num(chains.deviation).max(axis=1, initial=0.0) <= tolerance))
+    unit = np.array([1.0, 1.0 / float(np.diff(chains.edges).mean())])  # a turn by 1/length counts as a unit of height
+    own = chains.joints - chains.moved
+    joints, parameters, status, deviation = (
+        getattr(chains, name).copy() for name in ("joints", "parameters", "status", "deviation")
+    )
+    for ease in _EASES:
+        reach = ease * float(np.median(np.diff(place)))
+        weights = np.exp(-0.5 * ((place[:, None] - place) / reach) ** 2) * share
+        weights /= np.maximum(weights.sum(axis=1, keepdims=True), 1e-300)
+        moved = np.einsum("ij,jkl->ikl", weights, chains.moved)
+        changed = (np.abs(moved - chains.moved) / unit).max(axis=(1, 2)) > 1e-3 * tolerance
+        rows = pending[changed[pending]]
+        if not rows.size:
+            break
+        trial = own[rows] + moved[rows]
+        edges, now = chains.edges[rows], chains.parameters[rows]
+        new, new_status, _ = _fit_pieces(target.samples(rows), edges, trial, tolerance, now)
+        new_deviation = _deviation(target, rows, new)[0]
+        good = (new_status <= 1).all(axis=1) & (np.nan_to_num(new_deviation).max(axis=1, initial=0.0) <= tolerance)
+        at = rows[good]
+        joints[at], parameters[at], status[at], deviation[at] = (
+            v[good] for v in (trial, new, new_status, new_deviation)
+        )
+        pending = rows[~good]
+    return replace(chains, joints=joints, moved=joints - own, parameters=parameters, status=status, deviation=deviation)
 
 
 class _Target:
