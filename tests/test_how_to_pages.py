@@ -7,14 +7,22 @@ import re
 import shlex
 from pathlib import Path
 
+import numpy as np
 import pytest
 from PIL import Image
 
 from batten.cli.main import main
+from batten.io.approximate_files import read_curves
 
 ROOT = Path(__file__).parents[1]
 #: Name of a page, with how many pieces of code and how many commands it has.
-PAGES = {"bend-a-rod": (3, 3), "design-a-surface": (2, 1), "draw-with-beziers": (2, 1)}
+PAGES = {
+    "bend-a-rod": (3, 3),
+    "design-a-surface": (2, 1),
+    "draw-with-beziers": (2, 1),
+    "approximate-curves": (2, 3),
+    "elastic-splines": (5, 0),
+}
 PAGE = {name: (ROOT / f"docs/{name}.md").read_text("utf-8") for name in PAGES}
 
 
@@ -44,6 +52,21 @@ def test_the_commands_are_understood(name, capsys):
             if re.match(r"-{1,2}[a-z]", word):
                 assert re.search(rf"(^|\s){word}\b", usage), word
             assert not word.endswith(".toml") or (ROOT / word).is_file()
+
+
+def test_approximations_print_what_is_shown(tmp_path, monkeypatch, capsys):
+    blocks = re.findall(
+        r"^```sh\n\.venv/bin/batten ([^\n]*)\n```\n\n```console\n(.*?)^```",
+        PAGE["approximate-curves"],
+        re.MULTILINE | re.DOTALL,
+    )
+    assert len(blocks) == PAGES["approximate-curves"][1]
+    monkeypatch.chdir(tmp_path)
+    for line, shown in blocks:
+        words = [str(ROOT / word) if word.startswith("examples/") else word for word in shlex.split(line)]
+        assert main(words) == 0
+        assert capsys.readouterr().out == shown
+        assert (tmp_path / words[-1]).is_file()
 
 
 @pytest.mark.parametrize("name", PAGES)
@@ -79,3 +102,25 @@ def test_pictures_of_bent_rods_can_be_drawn_again(tmp_path):
 def test_the_projected_chair_can_be_drawn_again(tmp_path):
     example("draw_with_beziers").drawn_chair(tmp_path / "project.png")
     same_kind_of_picture("project.png", tmp_path / "project.png")
+
+
+def test_the_approximated_letter_can_be_drawn_again(tmp_path):
+    example("approximate_curves").every_way(tmp_path / "approximate.png")
+    same_kind_of_picture("approximate.png", tmp_path / "approximate.png")
+
+
+def test_the_drawings_of_curves_to_approximate_can_be_made_again(tmp_path):
+    example("approximate_curves").drawings(tmp_path)
+    kept = ROOT / "examples/approximate"
+    for name in ("letter.svg", "section.dxf", "handrail.3dm"):
+        (_, old), (_, new) = (read_curves(folder / name)[0][0] for folder in (kept, tmp_path))
+        t = np.linspace(0.0, 1.0, 50)
+        np.testing.assert_allclose(new.point(t), old.point(t), atol=1e-9)
+
+
+def test_pictures_of_elastic_splines_can_be_drawn_again(tmp_path):
+    pictures = example("elastic_splines")
+    pictures.held_ways(tmp_path / "elastic-splines.png")
+    pictures.jump(tmp_path / "elastic-spline-jump.png")
+    for name in ("elastic-splines.png", "elastic-spline-jump.png"):
+        same_kind_of_picture(name, tmp_path / name)

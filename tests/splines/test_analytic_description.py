@@ -186,3 +186,42 @@ def test_bad_input():
         analytic_descriptions(np.zeros((3, 4, 2)))
     with pytest.raises(InvalidInputError, match="no length"):
         analytic_description(CubicBezier([(0, 0), (0, 0), (0, 0), (0, 0)]))
+
+
+def sharp(seed, pieces, size):
+    """A cubic spline through points that go up and down at random, by `size` from one to the next."""
+    rng = np.random.default_rng(seed)
+    n = pieces + 1
+    points = np.column_stack([np.arange(n) + rng.normal(0.0, 0.15, n), rng.normal(0.0, size, n)])
+    return np.array([b.control_points for b in interpolating_cubic(points, None, None).to_beziers()])
+
+
+def check_joined(found, continuity):
+    assert (found.status == 0).all()
+    assert found.angle_jump.max() < 1e-9
+    assert found.position_jump.max() < 1e-9
+    if continuity == 2:
+        pieces = found.parameters.shape[1]
+        assert found.curvature_jump.max() < 1e-9 * pieces
+
+
+@pytest.mark.parametrize("continuity", [1, 2])
+def test_sharp_splines_are_joined(continuity):
+    """13 and 19 of these 100 were left apart by the first way alone."""
+    splines = np.array([sharp(seed, 5, 0.6) for seed in range(100)])
+    found = analytic_descriptions(splines, continuity)
+    check_joined(found, continuity)
+    assert np.median(found.angle_jump) < 1e-11
+    assert np.isfinite(found.parameters).all()
+    # None is far: at worst by as much as points alone and their first guesses are.
+    loose = analytic_descriptions(splines, 0)
+    assert np.median(found.distance / loose.distance) < 1.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("continuity", [1, 2])
+def test_hundreds_of_sharp_pieces_are_joined(continuity):
+    for seed in range(3):
+        found = analytic_descriptions(sharp(seed, 500, 0.6)[None], continuity)
+        check_joined(found, continuity)
+        assert found.distance[0] < 1e-4

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from batten.curves.base import Curve
 from batten.errors import InvalidInputError
+from batten.kernels import arc_length as kernel
 from batten.kernels.quadrature import DEEPEST, NODES_24, WEIGHTS_24
 from batten.typing import ArrayLike, FloatArray
 
@@ -64,7 +65,7 @@ class ArcLength:
                 f"arc length needs a curve with a positive, finite length; got length {lengths[-1]}"
             )
         uniform = bool(np.ptp(values) <= 8.0 * np.finfo(float).eps * lengths[-1])
-        return cls(curve, edges, lengths, uniform, np.asarray(coefficients, dtype=np.float64), slopes)
+        return cls(curve, edges, lengths, uniform, np.ascontiguousarray(coefficients), slopes)
 
     @property
     def length(self) -> float:
@@ -85,33 +86,10 @@ class ArcLength:
         fraction = np.clip(np.asarray(fraction, dtype=np.float64), 0.0, 1.0)
         if self.uniform:
             return fraction
-        shape = fraction.shape
-        goal = fraction.ravel() * self.lengths[-1]
-        piece = np.clip(np.searchsorted(self.lengths, goal, side="right") - 1, 0, len(self.edges) - 2)
-        goal = goal - self.lengths[piece]
-        size = np.diff(self.lengths)[piece]
-        low, high = np.full_like(goal, -1.0), np.full_like(goal, 1.0)
-        x = 2.0 * goal / np.where(size > 0.0, size, 1.0) - 1.0
-        # Newton's iteration, kept inside a bracket that shrinks at every step; each value goes on until it stands still.
-        todo = np.flatnonzero(size > 0.0)
-        for _ in range(60):
-            rows, old = piece[todo], x[todo]
-            basis = legendre.legvander(old, 24)
-            error = (basis * self._coefficients[rows]).sum(axis=-1) - goal[todo]
-            slope = (basis[:, :24] * self._slopes[rows]).sum(axis=-1)
-            low[todo] = np.where(error < 0.0, old, low[todo])
-            high[todo] = np.where(error > 0.0, old, high[todo])
-            with np.errstate(divide="ignore", invalid="ignore"):
-                new = old - error / slope
-            new = np.where((new >= low[todo]) & (new <= high[todo]), new, 0.5 * (low[todo] + high[todo]))
-            # What is right to rounding stays: at zero speed the quotient of two roundings would throw it off.
-            right = np.abs(error) <= 2e-15 * size[todo]
-            x[todo] = np.where(right, old, new)
-            todo = todo[(np.abs(new - old) > 2e-15) & ~right]
-            if todo.size == 0:
-                break
-        left, right = self.edges[piece], self.edges[piece + 1]
-        return np.clip(left + 0.5 * (x + 1.0) * (right - left), left, right).reshape(shape)
+        out = np.empty(fraction.size)
+        goals = fraction.ravel() * self.lengths[-1]
+        kernel.parameters_batch(goals, self.edges, self.lengths, self._coefficients, self._slopes, out)
+        return out.reshape(fraction.shape)
 
 
 def _resolved_panels(curve: Curve, tolerance: float) -> tuple[FloatArray, FloatArray]:

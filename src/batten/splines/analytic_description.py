@@ -17,12 +17,17 @@ from batten.kernels.analytic_description import describe_batch
 from batten.kernels.elastica_fit_batch import guess_batch
 from batten.solvers.boundary_value import in_threads
 from batten.solvers.curve_samples import CurveSamples, samples_of
+from batten.solvers.elastica_fit import fit_samples
 from batten.typing import ArrayLike, BoolArray, FloatArray, IntArray
 
 Continuity = Literal[0, 1, 2]
 
 STATUS = ("converged", "pieces not joined", "bad input")
 """What the status of a spline of `AnalyticDescriptions` means, by its number."""
+
+#: Jumps of position, in lengths of the spline, and angle: above the first a spline is begun again, above the second it is
+#: called not joined.
+_JOINED, _APART = 1e-11, 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,11 +96,13 @@ def analytic_description(
         InvalidInputError: not a curve, another continuity, a spline without length.
         ConvergenceError: the pieces could not be joined; `best` holds the last ones.
 
-    Accuracy: jumps at the joints below 1e-11; the squared distance is within 1e-8 of a local minimum's, relatively. For
-        exact elastic splines the pieces come back with a distance of 1e-9 and less.
-    Degenerate cases: one piece that is hard to fit slows the whole spline, and among hundreds of sharp ones some may be left
-        unjoined: the status says so. Lines and circles are members. A piece whose ends coincide is not scaled for C⁰,
-        and has a jump there.
+    Accuracy: jumps of position and angle below 1e-11, with great forces 1e-9; the squared distance is within 1e-8,
+        relatively, of a local minimum's. For exact elastic splines the pieces come back with a distance of 1e-9 and less.
+    Degenerate cases: a sharp piece comes ever nearer while its force grows without end, and hangs on its last digits then.
+        Splines that are not joined at once are begun again from pieces that hold the joints' tangents; forces then weigh
+        beside the squared distance, by 1e-5 to 1e-10 times their square, mean length 1, as little as will do, and
+        curvatures are closed little by little. That moves the other pieces a little, too. What is not joined even so has
+        a status. Lines and circles are members. A piece whose ends coincide is not scaled for C⁰, and has a jump there.
 
     Example:
         >>> from batten.curves.bspline import BSplineCurve
@@ -219,24 +226,40 @@ def _described(samples: CurveSamples, m: int, c: int, continuity: int, workers: 
     else:
 
         def work(part: slice) -> None:
-            describe_batch(points[part], weights[part], fractions[part], ends[part], guesses[part], 2 + continuity,
+            describe_batch(points[part], weights[part], fractions[part], ends[part], guesses[part], 2 + continuity, False,
                            parameters[part], info[part], status[part])  # fmt: skip
 
         in_threads(work, m, workers)
         parameters[..., :4] = states_at(parameters, -0.5 * parameters[..., 6])
-    tips = states_at(parameters, parameters[..., 6])
-    size = parameters[..., 6].sum(axis=1)
-    jumps = np.zeros((m, 1, 4)) if c == 1 else tips[:, :-1] - parameters[:, 1:, :4]
-    worst = np.abs(jumps).max(axis=1)
+        apart = (status == 1) | ((status == 0) & (_jumps(parameters)[:, :2].max(axis=1) > _JOINED))
+        for row in np.flatnonzero(apart).tolist():
+            one = slice(row, row + 1)
+            begin, again = _held(samples, row, c, guesses[one]), np.empty((1, c, 7))
+            more, joined = np.zeros((1, 3)), np.zeros(1, dtype=np.int64)
+            describe_batch(
+                points[one], weights[one], fractions[one], ends[one], begin, 2 + continuity, True, again, more, joined
+            )
+            more[:, 1] += info[one, 1]
+            if joined[0] == 0:
+                again[..., :4] = states_at(again, -0.5 * again[..., 6])
+                parameters[one], info[one], status[one] = again, more, joined
+    jumps = _jumps(parameters)
+    if continuity > 0:
+        status[(status == 0) & (jumps[:, :2].max(axis=1) > _APART)] = 1
     return AnalyticDescriptions(
-        parameters,
-        info[:, 0],
-        np.hypot(jumps[..., 0], jumps[..., 1]).max(axis=1) / size,
-        worst[:, 2],
-        worst[:, 3] * size,
-        residual,
-        info[:, 1].astype(np.int64),
-        status,
+        parameters, info[:, 0], jumps[:, 0], jumps[:, 1], jumps[:, 2], residual, info[:, 1].astype(np.int64), status,
+    )  # fmt: skip
+
+
+def _jumps(parameters: FloatArray) -> FloatArray:
+    """Greatest jumps of position, angle and curvature at a joint of each spline, (m, 3), relative to its length."""
+    tips, size = states_at(parameters, parameters[..., 6]), parameters[..., 6].sum(axis=1)
+    jumps = tips[:, :-1] - parameters[:, 1:, :4]
+    if not jumps.shape[1]:
+        return np.zeros((len(parameters), 3))
+    worst = np.abs(jumps).max(axis=1)
+    return np.stack(
+        [np.hypot(jumps[..., 0], jumps[..., 1]).max(axis=1) / size, worst[:, 2], worst[:, 3] * size], axis=1
     )
 
 
@@ -264,12 +287,25 @@ def _guesses(samples: CurveSamples, m: int, c: int) -> tuple[FloatArray, FloatAr
     parameters[:, 3] /= scale
     parameters[:, 4], parameters[:, 5] = force.real, force.imag
     parameters[:, 6] *= scale
-    last = states_at(parameters, parameters[:, 6])[:, 2].reshape(m, c)
-    rows = parameters.reshape(m, c, 7)
-    if c > 1:
-        turns = np.round((last[:, :-1] - rows[:, 1:, 2]) / (2.0 * np.pi))
-        rows[:, 1:, 2] += 2.0 * np.pi * np.cumsum(turns, axis=1)
-    return rows, info[:, 0].reshape(m, c)
+    return _unwound(parameters.reshape(m, c, 7)), info[:, 0].reshape(m, c)
+
+
+def _held(samples: CurveSamples, row: int, c: int, guesses: FloatArray) -> FloatArray:
+    """The pieces of one spline of least distance that hold its joints and tangents, (1, c, 7): joined from the first.
+
+    A force of 100 over a length squared weighs as much as a distance of 0.01 lengths.
+    """
+    part = CurveSamples(*(getattr(samples, name)[row * c : row * c + c] for name in CurveSamples.__dataclass_fields__))
+    found = fit_samples(part, ends="tangents", starts=4, force_weight=1e-8).parameters[None]
+    return _unwound(np.where(np.isfinite(found).all(axis=2, keepdims=True), found, guesses))
+
+
+def _unwound(rows: FloatArray) -> FloatArray:
+    """Pieces (m, c, 7) with their angles continuous."""
+    last = states_at(rows, rows[..., 6])[..., 2]
+    turns = np.round((last[:, :-1] - rows[:, 1:, 2]) / (2.0 * np.pi))
+    rows[:, 1:, 2] += 2.0 * np.pi * np.cumsum(turns, axis=1)
+    return rows
 
 
 def _arcs(samples: CurveSamples, which: BoolArray) -> FloatArray:

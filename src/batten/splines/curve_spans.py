@@ -53,18 +53,26 @@ class CurveSpan:
 
     def angles_at(self, s: FloatArray) -> FloatArray:
         """Tangent angles (…), continuous along the span; on a closed one also from lap to lap."""
+        return self._angles(s, None)
+
+    def frames_at(self, s: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """`points_at` and `angles_at` together, for less than both apart."""
+        u = self._parameter(s)
+        return self.curve.point(u), self._angles(s, u)
+
+    def _angles(self, s: FloatArray, u: FloatArray | None) -> FloatArray:
         laps = np.floor(s / self.length) if self.closed else np.zeros(np.shape(s))
-        s = np.clip(s - laps * self.length, 0.0, self.length)
+        inner = np.clip(s - laps * self.length, 0.0, self.length)
         turns = laps * (self.angles[-1] - self.angles[0])
         if self.ramps is not None:
-            return np.interp(s, *self.ramps) + turns
-        rough = np.interp(s, self.arcs, self.angles)
-        velocity = self.curve.derivative(self._parameter(s))
+            return np.interp(inner, *self.ramps) + turns
+        rough = np.interp(inner, self.arcs, self.angles)
+        velocity = self.curve.derivative(self._parameter(s) if u is None else u)
         exact = np.arctan2(velocity[..., 1], velocity[..., 0])
         angle = exact + 2.0 * np.pi * np.round((rough - exact) / (2.0 * np.pi))
         # Without speed there is no direction; at the ends that of the trace is good, as it has looked there already.
         speed = np.hypot(velocity[..., 0], velocity[..., 1])
-        known = (speed > 1e-6 * self.arc.length) & (s > 0.0) & (s < self.length)
+        known = (speed > 1e-6 * self.arc.length) & (inner > 0.0) & (inner < self.length)
         return np.where(known, angle, rough) + turns
 
     def samples(self, a: FloatArray, b: FloatArray) -> CurveSamples:
@@ -72,16 +80,16 @@ class CurveSpan:
         t, w, _ = gauss_rule(_NODES)
         width = (b - a)[:, None]
         s = a[:, None] + width * np.concatenate([[0.0], t, [1.0]])
-        points, angles = self.points_at(s), self.angles_at(s)
-        inner = s[:, 1:-1]
+        u = self._parameter(s)
+        points, angles = self.curve.point(u), self._angles(s, u)
         if self.ramps is not None:
+            inner = s[:, 1:-1]
             slope = np.append(np.diff(self.ramps[1]) / np.maximum(np.diff(self.ramps[0]), 1e-300), 0.0)
             laps = np.floor(inner / self.length) if self.closed else 0.0
             at = np.searchsorted(self.ramps[0], inner - laps * self.length, side="right") - 1
             curvature = slope[np.clip(at, 0, len(slope) - 2)]
         else:
-            u = self._parameter(inner)
-            d, dd = self.curve.derivative(u), self.curve.derivative(u, 2)
+            d, dd = self.curve.derivative(u[:, 1:-1]), self.curve.derivative(u[:, 1:-1], 2)
             speed = np.maximum(np.hypot(d[..., 0], d[..., 1]), 1e-9 * self.arc.length)
             curvature = (d[..., 0] * dd[..., 1] - d[..., 1] * dd[..., 0]) / speed**3
         ends = np.concatenate([points[:, [0, -1]], angles[:, [0, -1], None]], axis=2)

@@ -2,7 +2,7 @@
 
 The unknowns are the seven numbers of every piece; what holds at joints and ends are equations. A step solves the linearised
 minimax problem, the least greatest distance over stations along the pieces, as a linear program within a trust region; then
-Newton's method restores the equations.
+Newton's method restores the equations, which need no look at the curve.
 """
 
 from __future__ import annotations
@@ -10,49 +10,73 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import linprog
-from scipy.sparse import block_diag, bmat, coo_matrix, csr_matrix, diags
+from numpy.typing import NDArray
+from scipy.sparse import bsr_matrix, csr_matrix, diags
 from scipy.sparse.linalg import splu
 
 from batten.curves.elastica import states_along
 from batten.kernels.elastica_jacobian import jacobian_batch
+from batten.splines.chain_program import least_offset
 from batten.splines.curve_spans import CurveSpan
 from batten.typing import BoolArray, FloatArray
 
 #: Stations on a piece, as fractions: close at the ends, where the distance changes fastest.
 _STATIONS = 0.5 - 0.5 * np.cos(np.linspace(0.0, np.pi, 25))
+_TIPS = np.array([0.0, 1.0])
 _EXACT = 1e-13
 _JOINING = 20
 #: What a jump of curvature by 1 over the mean length weighs against the greatest offset.
 _TEAR = 10.0
 _ROUNDS = 12
 _LARGEST = 0.5
+_POWERS, _LEVELLING, _LEVEL = (2, 4, 12), 20, 0.005
+_DAMPING, _STIFF = 1e-3, 1e4
+_DENSE = 64  # equations
+_HOPELESS, _NO_GAIN = 1.4, 0.99
 _SMALLEST = 1e-4
+#: Feet of perpendiculars are found to this share of a piece's length, in at most so many steps; offsets err by its square.
+_FOOT, _FOOT_STEPS = 1e-5, 12
 
 
 @dataclass(frozen=True, eq=False)
-class _State:
-    """A chain looked at: parameters (n, 7), offsets (n, 2 m) both ways and their derivatives (n, 2 m, 7), feet (n, m).
+class _Joints:
+    """A chain, (n, 7), and what holds at its joints and ends.
 
     `gaps`, (r,), is by how much the equations miss, `equations`, (r, 7 n), their derivative; all but those of curvatures
     are `hard`.
     """
 
     parameters: FloatArray
-    offsets: FloatArray
-    feet: FloatArray
-    response: FloatArray
     gaps: FloatArray
     equations: csr_matrix
     hard: BoolArray
 
-    @property
-    def worst(self) -> float:
-        return float(np.abs(self.offsets).max())
+    def scaled(self) -> csr_matrix:
+        """`equations`, by scaled unknowns."""
+        a, scale = self.equations, _scales(self.parameters).ravel()
+        return csr_matrix((a.data * scale[a.indices], a.indices, a.indptr), a.shape)
 
     @property
     def torn(self) -> float:
         return float(np.abs(self.gaps).max(initial=0.0))
+
+
+@dataclass(frozen=True, eq=False)
+class _State:
+    """A chain beside its span: offsets (n, 2 m) both ways and their derivatives (n, 2 m, 7), feet (n, m)."""
+
+    joints: _Joints
+    offsets: FloatArray
+    feet: FloatArray
+    response: FloatArray
+
+    @property
+    def parameters(self) -> FloatArray:
+        return self.joints.parameters
+
+    @property
+    def worst(self) -> float:
+        return max(float(np.abs(self.offsets).max()), 1e-300)
 
 
 class PieceChain:
@@ -67,6 +91,8 @@ class PieceChain:
 
     def __init__(self, span: CurveSpan, order: int) -> None:
         self.span, self.order = span, order
+        self._own = span.points_at(_TIPS * span.length)
+        self._patterns: dict[int, tuple[NDArray[np.int32], NDArray[np.int32], BoolArray]] = {}
 
     def improved(self, parameters: FloatArray, joints: FloatArray, good: float) -> tuple[FloatArray, FloatArray] | None:
         """The chain closer to the span: parameters (n, 7), arc lengths of its joints (n + 1,); None if it cannot be joined.
@@ -76,8 +102,11 @@ class PieceChain:
             good: greatest distance that is good enough; 0 goes on until nothing is gained.
         """
         feet = joints[:-1, None] + np.diff(joints)[:, None] * _STATIONS
-        state = self._restored(self._look(parameters, feet), hard_only=True)
-        if state is not None and self.order == 2:
+        state = self._seen(self._restored(self._joints(parameters), hard_only=True), feet)
+        if state is None:
+            return None
+        state = self._levelled(state, good)
+        if state.joints.torn > 100.0 * _EXACT:
             state = self._joined(state, good)
         if state is None:
             return None
@@ -89,33 +118,29 @@ class PieceChain:
             ends[0], ends[-1] = 0.0, self.span.length
         return (state.parameters, ends) if (np.diff(ends) > 0.0).all() else None
 
-    def _look(self, parameters: FloatArray, feet: FloatArray) -> _State:
-        n, m = len(parameters), len(_STATIONS)
-        length = parameters[:, 6:]
-        values, ignored, full = (
-            states_along(parameters, length * _STATIONS),
-            np.empty((n, m, 4)),
-            np.empty((n, m, 3, 7)),
-        )
-        jacobian_batch(np.ascontiguousarray(parameters), _STATIONS, ignored, full)
-        points = values[..., :2]
-        for _ in range(4):
-            angle = self.span.angles_at(feet)
-            away = points - self.span.points_at(feet)
-            step = away[..., 0] * np.cos(angle) + away[..., 1] * np.sin(angle)
-            feet = feet + np.clip(step, -0.1 * length, 0.1 * length)
-            if not self.span.closed:
-                feet = np.clip(feet, 0.0, self.span.length)
-        angle, away = self.span.angles_at(feet), points - self.span.points_at(feet)
-        normal = np.stack([-np.sin(angle), np.cos(angle)], axis=-1)
-        offsets = (away * normal).sum(axis=-1)
-        response = normal[..., :1] * full[:, :, 0] + normal[..., 1:] * full[:, :, 1]
-        back, back_response = self._look_back(parameters, feet)
-        gaps, equations, hard = self._equations(parameters, values, full)
+    def _seen(self, joints: _Joints | None, feet: FloatArray) -> _State | None:
+        """The chain beside its span, feet of perpendiculars looked for from `feet`; None if there is no chain."""
+        if joints is None:
+            return None
+        parameters = joints.parameters
+        n, m, length = len(parameters), len(_STATIONS), parameters[:, 6:]
+        values, full = np.empty((n, m, 4)), np.empty((n, m, 3, 7))
+        jacobian_batch(np.ascontiguousarray(parameters), _STATIONS, values, full)
+        for k in range(_FOOT_STEPS):
+            on, angle = self.span.frames_at(feet)
+            away, cos, sin = values[..., :2] - on, np.cos(angle), np.sin(angle)
+            step = np.clip(away[..., 0] * cos + away[..., 1] * sin, -0.1 * length, 0.1 * length)
+            new = feet + step if self.span.closed else np.clip(feet + step, 0.0, self.span.length)
+            if (np.abs(new - feet) <= _FOOT * length).all() or k == _FOOT_STEPS - 1:
+                break
+            feet = new
+        offsets = away[..., 1] * cos - away[..., 0] * sin
+        response = cos[..., None] * full[:, :, 1] - sin[..., None] * full[:, :, 0]
+        back, back_response = self._back(parameters, feet)
         offsets, response = np.concatenate([offsets, back], axis=1), np.concatenate([response, back_response], axis=1)
-        return _State(parameters, offsets, feet, response, gaps, equations, hard)
+        return _State(joints, offsets, feet, response) if np.isfinite(offsets).all() else None
 
-    def _look_back(self, parameters: FloatArray, feet: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def _back(self, parameters: FloatArray, feet: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Offsets of the pieces from points of the span between their ends (n, m), and derivatives (n, m, 7).
 
         Where a piece cuts a bend short, the feet of its own points leave the bend out.
@@ -123,68 +148,76 @@ class PieceChain:
         length = parameters[:, 6:]
         s = feet[:, :1] + (feet[:, -1:] - feet[:, :1]) * _STATIONS
         points, arcs = self.span.points_at(s), length * _STATIONS
-        for _ in range(5):
+        for _ in range(_FOOT_STEPS):
             on = states_along(parameters, arcs)
             away = points - on[..., :2]
             step = away[..., 0] * np.cos(on[..., 2]) + away[..., 1] * np.sin(on[..., 2])
-            arcs = np.clip(arcs + np.clip(step, -0.1 * length, 0.1 * length), 0.0, length)
+            new = np.clip(arcs + np.clip(step, -0.1 * length, 0.1 * length), 0.0, length)
+            still = (np.abs(new - arcs) <= _FOOT * length).all()
+            arcs = new
+            if still:
+                break
         order = np.argsort(arcs, axis=1)
-        on = states_along(parameters, np.take_along_axis(arcs, order, axis=1))
         points = np.take_along_axis(points, order[..., None], axis=1)
-        values, full = np.empty((1, s.shape[1], 4)), np.empty((1, s.shape[1], 3, 7))
-        response = np.empty((*s.shape, 7))
-        normal = np.stack([-np.sin(on[..., 2]), np.cos(on[..., 2])], axis=-1)
+        fractions = np.take_along_axis(arcs, order, axis=1) / length
+        on, full = np.empty((*s.shape, 4)), np.empty((*s.shape, 3, 7))
+        rows = np.ascontiguousarray(parameters)
         for i in range(len(s)):
-            fractions = np.ascontiguousarray(arcs[i, order[i]] / length[i, 0])
-            jacobian_batch(np.ascontiguousarray(parameters[i : i + 1]), fractions, values, full)
-            response[i] = normal[i, :, :1] * full[0, :, 0] + normal[i, :, 1:] * full[0, :, 1]
+            jacobian_batch(rows[i : i + 1], fractions[i], on[i : i + 1], full[i : i + 1])
+        normal = np.stack([-np.sin(on[..., 2]), np.cos(on[..., 2])], axis=-1)
+        response = normal[..., :1] * full[:, :, 0] + normal[..., 1:] * full[:, :, 1]
         return -((points - on[..., :2]) * normal).sum(axis=-1), response
 
-    def _equations(
-        self, parameters: FloatArray, values: FloatArray, full: FloatArray
-    ) -> tuple[FloatArray, csr_matrix, BoolArray]:
+    def _joints(self, parameters: FloatArray) -> _Joints:
         """What must vanish: differences of states at joints and from the ends' own, in units of the mean length."""
         n, rows = len(parameters), self.order + 2
-        unit = np.array([1.0, 1.0, 1.0, 1.0])
+        tips, full = np.empty((n, 2, 4)), np.empty((n, 2, 3, 7))
+        jacobian_batch(np.ascontiguousarray(parameters), _TIPS, tips, full)
+        unit = np.ones(4)
         unit[:2], unit[3] = n / parameters[:, 6].sum(), parameters[:, 6].sum() / n
-        tips, slopes = values[:, [0, -1]], np.zeros((n, 2, 4, 7))
-        slopes[:, :, :3] = full[:, [0, -1]]
+        slopes = np.zeros((n, 2, 4, 7))
+        slopes[:, :, :3] = full
         slopes[:, 0, 3, 3] = 1.0
         # κ(s) = κ₀ + (γ(s) − start) × force (Brander2016 (5))
         force, step = parameters[:, 4:6], tips[:, 1, :2] - tips[:, 0, :2]
-        travel = slopes[:, 1, :2] - slopes[:, 0, :2]
+        travel = full[:, 1, :2] - full[:, 0, :2]
         slopes[:, 1, 3] = travel[:, 0] * force[:, 1:] - travel[:, 1] * force[:, :1]
         slopes[:, 1, 3, 3] += 1.0
         slopes[:, 1, 3, 5] += step[:, 0]
         slopes[:, 1, 3, 4] -= step[:, 1]
-        tips, slopes = tips * unit, slopes * unit[:, None]
-        gaps, blocks = [], []
-        for i in range(n if self.span.closed else n - 1):
-            j = (i + 1) % n
-            gap = tips[i, 1, :rows] - tips[j, 0, :rows]
-            if j == 0 and rows > 2:
-                gap[2] -= self.span.angles[-1] - self.span.angles[0]
-            gaps.append(gap)
-            blocks += [(len(gaps) - 1, i, slopes[i, 1, :rows]), (len(gaps) - 1, j, -slopes[j, 0, :rows])]
-        if not self.span.closed:
+        tips, slopes = (tips * unit)[:, :, :rows], (slopes * unit[:, None])[:, :, :rows]
+        if self.span.closed:
+            gaps = tips[:, 1] - np.roll(tips[:, 0], -1, axis=0)
+            gaps[-1, 2:3] -= self.span.angles[-1] - self.span.angles[0]
+            blocks = np.concatenate([slopes[:, 1], -np.roll(slopes[:, 0], -1, axis=0)], axis=2)
+            end_gaps, end_blocks = np.empty((0, 7)), np.empty((0, 7))
+        else:
             held = min(rows, 3)
-            own = self.span.points_at(np.array([0.0, self.span.length]))
-            for i, e, angle in ((0, 0, self.span.angles[0]), (n - 1, 1, self.span.angles[-1])):
-                gap, slope = np.zeros(rows), np.zeros((rows, 7))
-                gap[:held] = (tips[i, e] - np.array([*own[e], angle, 0.0]) * unit)[:held]
-                slope[:held] = slopes[i, e, :held]
-                gaps.append(gap)
-                blocks.append((len(gaps) - 1, i, slope))
-        data = np.stack([block for _, _, block in blocks])
-        row = np.array([r for r, _, _ in blocks])[:, None, None] * rows + np.arange(rows)[:, None]
-        column = np.array([c for _, c, _ in blocks])[:, None, None] * 7 + np.arange(7)
-        shape = (len(gaps) * rows, 7 * n)
-        row, column = np.broadcast_arrays(row, column)
-        matrix = coo_matrix((data.ravel(), (row.ravel(), column.ravel())), shape).tocsr()
-        used = np.diff(matrix.indptr) > 0
-        used &= np.asarray(abs(matrix).sum(axis=1)).ravel() > 0.0
-        hard = np.tile(np.arange(rows) < 3, len(gaps))
-        return np.concatenate(gaps)[used], matrix[used], hard[used]
+            own = np.column_stack([self._own, self.span.angles[[0, -1]]]) * unit[:3]
+            gaps = tips[:-1, 1] - tips[1:, 0]
+            blocks = np.concatenate([slopes[:-1, 1], -slopes[1:, 0]], axis=2)
+            outer = [(0, 0), (-1, 1)]
+            end_gaps = np.concatenate([tips[i, e, :held] - own[e, :held] for i, e in outer])
+            end_blocks = np.concatenate([slopes[i, e, :held] for i, e in outer])
+        columns, edges, hard = self._pattern(n)
+        data = np.concatenate([blocks.ravel(), end_blocks.ravel()])
+        matrix = csr_matrix((data, columns, edges), (len(edges) - 1, 7 * n))
+        return _Joints(parameters, np.concatenate([gaps.ravel(), end_gaps.ravel()]), matrix, hard)
+
+    def _pattern(self, n: int) -> tuple[NDArray[np.int32], NDArray[np.int32], BoolArray]:
+        """Columns and row edges of the equations of n pieces, and which of them are not about curvatures."""
+        if n not in self._patterns:
+            rows = self.order + 2
+            joints, held = (n, 0) if self.span.closed else (n - 1, min(rows, 3))
+            before = np.arange(joints)
+            pieces = np.stack([before, (before + 1) % n], axis=1)
+            columns = (7 * pieces[:, None, :, None] + np.arange(7)).repeat(rows, axis=1).reshape(joints * rows, 14)
+            ends = (7 * np.repeat([0, n - 1], held)[:, None] + np.arange(7)).reshape(-1, 7)
+            widths = np.concatenate([np.full(len(columns), 14), np.full(len(ends), 7)])
+            hard = np.concatenate([np.tile(np.arange(rows) < 3, joints), np.ones(len(ends), bool)])
+            flat = np.concatenate([columns.ravel(), ends.ravel()]).astype(np.int32)
+            self._patterns[n] = flat, np.concatenate([[0], np.cumsum(widths)]).astype(np.int32), hard
+        return self._patterns[n]
 
     def _joined(self, state: _State, good: float) -> _State | None:
         """A chain with common tangents brought to common curvatures; None if it cannot be.
@@ -193,12 +226,12 @@ class PieceChain:
         """
         reach = 0.1
         for _ in range(_JOINING):
-            closed = self._restored(state) if state.torn < 0.3 else None
+            near = state.joints.torn < 0.3
+            closed = self._seen(self._restored(state.joints), state.feet) if near else None
             if closed is not None and closed.worst < max(2.0 * state.worst, good):
                 return closed
             move, promised = self._program(state, reach, soft=True)
-            new = None if move is None else self._moved(state, move)
-            new = None if new is None else self._restored(new, hard_only=True)
+            new = None if move is None else self._moved(state, move, hard_only=True)
             merit, before = (np.inf if new is None else self._merit(new, state)), self._merit(state, state)
             if new is not None and merit < before - 0.05 * (before - promised):
                 state, reach = new, min(2.0 * reach, _LARGEST)
@@ -206,60 +239,142 @@ class PieceChain:
                 reach *= 0.25
             if reach < _SMALLEST:
                 return None
-        return self._restored(state)
+        return self._seen(self._restored(state.joints), state.feet)
+
+    def _levelled(self, state: _State, good: float) -> _State:
+        """Lower sums of powers of the offsets, squares and then higher ones, by Gauss–Newton steps, and close curvatures.
+
+        Each step costs a fraction of a linear program. Jumps of curvature yield at first: they weigh as much as the offsets,
+        then ten times more at each step. Where they cannot be closed the chain still has them.
+        """
+        if state.joints.torn > 100.0 * _EXACT:
+            state = self._closed(state)
+            if state.joints.torn > 100.0 * _EXACT:
+                return state
+        for power in _POWERS:
+            damping = _DAMPING
+            for _ in range(_LEVELLING):
+                if state.worst <= good:
+                    return state
+                before = _sum_of_powers(state, state.worst, power)
+                move = self._downhill(state, power, damping)
+                new = None if move is None else self._moved(state, move)
+                after = np.inf if new is None else _sum_of_powers(new, state.worst, power)
+                if new is None or after >= before:
+                    damping *= 30.0
+                    if damping > 1e3:
+                        break
+                    continue
+                state, damping = new, max(0.1 * damping, 1e-9)
+                if after > (1.0 - _LEVEL * power) * before:
+                    break
+        return state
+
+    def _closed(self, state: _State) -> _State:
+        """A chain brought to common curvatures, if that goes, by the way `_levelled` says."""
+        damping = _DAMPING
+        jumps = ~state.joints.hard
+        weight = _sum_of_powers(state, state.worst, 2) / float((state.joints.gaps[jumps] ** 2).sum())
+        for _ in range(_LEVELLING):
+            done = weight > _STIFF
+            before = _sum_of_powers(state, state.worst, 2) + weight * float((state.joints.gaps[jumps] ** 2).sum())
+            move = self._downhill(state, 2, damping, np.where(jumps, 1.0 / weight, 0.0) * (not done))
+            new = None if move is None else self._moved(state, move, hard_only=not done)
+            after = np.inf
+            if new is not None:
+                after = _sum_of_powers(new, state.worst, 2) + weight * float((new.joints.gaps[jumps] ** 2).sum())
+            if new is not None and (after < before or done):
+                if done:
+                    return new
+                state, damping, weight = new, max(0.1 * damping, 1e-9), 10.0 * weight
+            else:
+                damping *= 30.0
+                if damping > 1e3:
+                    break
+        return state
+
+    def _downhill(
+        self, state: _State, power: int, damping: float, yielding: FloatArray | None = None
+    ) -> FloatArray | None:
+        """The Gauss–Newton step, (n, 7), in scaled unknowns, of the sum of powers of the offsets.
+
+        Equations are met, but for those that are `yielding`, (r,): what is left of them counts, squared, divided by that.
+        """
+        scale, joints, worst = _scales(state.parameters), state.joints, state.worst
+        g, o = state.response * (scale[:, None] / worst), state.offsets / worst
+        weight = np.abs(o) ** (power - 2)
+        weighted = g * weight[..., None]
+        hessian = (power - 1) * np.swapaxes(weighted, 1, 2) @ g
+        size = np.trace(hessian, axis1=1, axis2=2).mean() / 7.0
+        hessian += damping * size * np.eye(7)
+        slope = (weighted * o[..., None]).sum(axis=1)
+        try:
+            inverse = np.linalg.inv(hessian)
+        except np.linalg.LinAlgError:
+            return None
+        free, n = -(inverse @ slope[..., None])[..., 0], len(scale)
+        a = joints.scaled()
+        spread = bsr_matrix((inverse, np.arange(n), np.arange(n + 1)), (7 * n, 7 * n)).tocsr() @ a.T
+        push = _pushed(a, spread, joints.gaps + a @ free.ravel(), yielding)
+        return None if push is None else free - (spread @ push).reshape(n, 7)
 
     def _merit(self, state: _State, unit: _State) -> float:
-        return state.worst / unit.worst + _TEAR * state.torn
+        return state.worst / unit.worst + _TEAR * state.joints.torn
 
-    def _restored(self, state: _State, *, hard_only: bool = False) -> _State | None:
+    def _restored(self, joints: _Joints | None, *, hard_only: bool = False) -> _Joints | None:
         """Newton's method on the equations alone, or all but those of curvatures, by the smallest steps."""
-        rows = state.hard if hard_only else np.ones(len(state.gaps), bool)
-        size = float(np.abs(state.gaps[rows]).max(initial=0.0))
+        if joints is None:
+            return None
+        rows = joints.hard if hard_only else np.ones(len(joints.gaps), bool)
+        size = float(np.abs(joints.gaps[rows]).max(initial=0.0))
         for _ in range(10):
             if size <= _EXACT:
-                return state
-            move = self._newton(state, rows)
-            new = None if move is None else self._moved(state, move)
+                return joints
+            move = self._newton(joints, rows)
+            new = None if move is None else self._stepped(joints.parameters, move)
             left = np.inf if new is None else float(np.abs(new.gaps[rows]).max(initial=0.0))
-            if new is None or left >= size:
+            if new is None or not left < size:
                 break
-            state, size = new, left
-        return state if size <= 100.0 * _EXACT else None
+            joints, size = new, left
+        return joints if size <= 100.0 * _EXACT else None
 
-    def _newton(self, state: _State, rows: BoolArray) -> FloatArray | None:
+    def _newton(self, joints: _Joints, rows: BoolArray) -> FloatArray | None:
         """The least step (n, 7), in scaled unknowns, that meets some of the linearised equations."""
-        a = state.equations[rows] @ diags(_scales(state.parameters).ravel())
-        system = (a @ a.T + 1e-15 * diags(np.ones(a.shape[0]))).tocsc()
-        try:
-            step = -(a.T @ splu(system).solve(state.gaps[rows]))
-        except RuntimeError:  # singular
-            return None
-        return step.reshape(-1, 7) if np.isfinite(step).all() else None
+        a = joints.scaled()
+        a = a if rows.all() else a[rows]
+        push = _pushed(a, a.T, joints.gaps[rows], None)
+        return None if push is None else -(a.T @ push).reshape(-1, 7)
 
-    def _moved(self, state: _State, move: FloatArray) -> _State | None:
+    def _stepped(self, parameters: FloatArray, move: FloatArray) -> _Joints | None:
         """The chain after a step in scaled unknowns; None where a piece vanishes or turns over."""
-        parameters = state.parameters + move * _scales(state.parameters)
-        if not ((parameters[:, 6] > 0.2 * state.parameters[:, 6]).all() and np.isfinite(parameters).all()):
+        new = parameters + move * _scales(parameters)
+        if not ((new[:, 6] > 0.2 * parameters[:, 6]).all() and np.isfinite(new).all()):
             return None
-        new = self._look(parameters, state.feet)
-        return new if np.isfinite(new.offsets).all() else None
+        return self._joints(new)
+
+    def _moved(self, state: _State, move: FloatArray, *, hard_only: bool = False) -> _State | None:
+        """The chain after a step, its equations restored; None where that fails."""
+        return self._seen(self._restored(self._stepped(state.parameters, move), hard_only=hard_only), state.feet)
 
     def _minimax(self, state: _State, good: float) -> _State:
         reach = 0.1
-        for _ in range(_ROUNDS):
-            if state.worst <= good or reach < _SMALLEST:
+        for left in range(_ROUNDS, 0, -1):
+            if state.worst <= good or reach < _SMALLEST or state.worst > _HOPELESS * good > 0.0:
                 break
             move, promised = self._program(state, reach)
-            if move is None or promised > 0.995 * state.worst:
+            if move is None or promised > _NO_GAIN * state.worst:
                 break
             new = self._moved(state, move)
-            new = None if new is None else self._restored(new)
             gain = -1.0 if new is None else (state.worst - new.worst) / (state.worst - promised)
+            won = 0.0
             if new is not None and gain > 0.05:
+                won = state.worst - new.worst
                 state = new
                 reach = min(2.0 * reach, _LARGEST) if gain > 0.7 else reach
             else:
                 reach *= 0.25
+            if left <= _ROUNDS - 3 and good > 0.0 and won * left < state.worst - good:
+                break
         return state
 
     def _program(self, state: _State, reach: float, soft: bool = False) -> tuple[FloatArray | None, float]:
@@ -268,37 +383,30 @@ class PieceChain:
         With `soft` the jumps of curvature are no equations, but their greatest, times `_TEAR`, is added to the offset in
         units of the present one; that sum is returned.
         """
-        n, m = state.offsets.shape
-        scale = _scales(state.parameters)
-        g = block_diag(list(state.response * scale[:, None] / state.worst))
-        o = state.offsets.ravel() / state.worst
-        equations = (state.equations @ diags(scale.ravel())).tocsr()
-        bounds, cost = [*([(-reach, reach)] * (7 * n)), (0.0, None)], np.append(np.zeros(7 * n), 1.0)
-        ones = coo_matrix(np.ones((n * m, 1)))
-        rows, upper = [[g, -ones], [-g, -ones]], np.concatenate([-o, o])
-        hard = np.ones(len(state.gaps), bool)
-        if soft:
-            hard = state.hard
-            jumps, k = equations[~hard], int((~hard).sum())
-            rows = [[*row, None] for row in rows] + [
-                [s * jumps, None, coo_matrix(-np.ones((k, 1)))] for s in (1.0, -1.0)
-            ]
-            upper = np.concatenate([upper, -state.gaps[~hard], state.gaps[~hard]])
-            bounds, cost = [*bounds, (0.0, None)], np.append(cost, _TEAR)
-        spare = coo_matrix((int(hard.sum()), len(cost) - 7 * n))
-        found = linprog(
-            cost,
-            A_ub=bmat(rows, format="csr"),
-            b_ub=upper,
-            A_eq=bmat([[equations[hard], spare]], format="csr"),
-            b_eq=-state.gaps[hard],
-            bounds=bounds,
-            method="highs",
-        )
-        if found.x is None:
-            return None, np.inf
-        value = float(found.fun)
-        return found.x[: 7 * n].reshape(n, 7), value if soft else value * state.worst
+        scale, joints, worst = _scales(state.parameters), state.joints, state.worst
+        a = joints.scaled()
+        hard = joints.hard if soft else np.ones(len(joints.gaps), bool)
+        move, value = least_offset(
+            state.response * (scale[:, None] / worst), state.offsets / worst, a[hard], joints.gaps[hard],
+            a[~hard], joints.gaps[~hard], _TEAR, reach,
+        )  # fmt: skip
+        return move, value if soft else value * worst
+
+
+def _pushed(a: csr_matrix, spread: csr_matrix, gaps: FloatArray, yielding: FloatArray | None) -> FloatArray | None:
+    """What solves (a spread + diag(yielding)) x = gaps; None if that is singular."""
+    system = a @ spread
+    if yielding is not None:
+        system = system + diags(yielding)
+    try:
+        push = np.linalg.solve(system.toarray(), gaps) if len(gaps) <= _DENSE else splu(system.tocsc()).solve(gaps)
+    except (np.linalg.LinAlgError, RuntimeError):
+        return None
+    return push if np.isfinite(push).all() else None
+
+
+def _sum_of_powers(state: _State, unit: float, power: int) -> float:
+    return float((np.abs(state.offsets / unit) ** power).sum())
 
 
 def _scales(parameters: FloatArray) -> FloatArray:

@@ -19,7 +19,9 @@ Held = Literal["points", "tangents"]
 _FAR = 0.01
 #: The longest feasible piece is found to this share of its length.
 _CLOSE = 0.01
-_GROWTH = 1.6
+_GROWTH, _CREEP = 1.6, 1.25
+#: Distances grow about as the fourth power of the length: lengths as the fourth root of the distance.
+_POWER = 0.25
 #: No piece is cut that is shorter than this share of the tolerance: its ends alone hold it that close.
 _SHORTEST = 0.05
 #: How near its end, as a share of its length, a fitted piece has to come by its stored numbers.
@@ -140,28 +142,42 @@ def longest_first(fitter: PieceFitter, most: int, first: float = 0.0) -> SplitPi
 
 
 def _longest(fitter: PieceFitter, start: float, stop: float, guess: float) -> tuple[float, FloatArray, float]:
-    """The end of the longest good piece from `start`, with the piece and its distance."""
+    """The end of the longest good piece from `start`, with the piece and its distance.
+
+    Distances grow like powers of the length; the power between the longest good and the shortest bad length known says
+    where to look next. Where that does not halve what is between them, the middle does.
+    """
     shortest = _SHORTEST * fitter.tolerance
     good: tuple[float, FloatArray, float] | None = None
-    bad = np.inf
+    bad, bad_distance, halve = np.inf, np.inf, False
     length = guess
     while True:
         end = stop if start + length >= stop - shortest else start + length
         parameters, distance = fitter.fit_one(start, end)
+        between = bad - (start if good is None else good[0])
         if distance <= fitter.tolerance or end - start <= shortest:
             good = end, parameters, distance
             if end == stop:
                 return good
         else:
-            bad = end
+            bad, bad_distance = end, distance
         if good is None:
-            length /= _GROWTH
-        elif not np.isfinite(bad):
-            length = (good[0] - start) * _GROWTH
-        elif bad - good[0] <= _CLOSE * (good[0] - start) or bad - good[0] <= shortest:
+            length *= float(np.clip((fitter.tolerance / distance) ** _POWER, 1.0 / _GROWTH**2, 1.0 / _CREEP))
+            continue
+        size = good[0] - start
+        if not np.isfinite(bad):
+            length = size * float(np.clip((fitter.tolerance / max(good[2], 1e-300)) ** _POWER, _CREEP, _GROWTH))
+            continue
+        if bad - good[0] <= max(_CLOSE * size, shortest):
             return good
-        else:
-            length = 0.5 * (good[0] + bad) - start
+        halve = not halve and bad - good[0] > 0.5 * between
+        length = 0.5 * (good[0] + bad) - start
+        if not halve and np.isfinite(bad_distance) and good[2] > 0.0:
+            share = np.log(fitter.tolerance / good[2]) / np.log(bad_distance / good[2])
+            aim = size * ((bad - start) / size) ** share
+            # A little to the side that leaves less between them if all goes as expected.
+            aim += 0.4 * _CLOSE * size * (1.0 if bad - start - aim > aim - size else -1.0)
+            length = float(np.clip(aim, size + 0.02 * (bad - good[0]), bad - start - 0.02 * (bad - good[0])))
 
 
 def _lines(span: CurveSpan, a: FloatArray, b: FloatArray) -> FloatArray:

@@ -3,8 +3,8 @@
 import numpy as np
 
 from batten.curves.elastica import states_at
-from batten.kernels.analytic_description import end_conditions, joint_step
 from batten.kernels.elastica_fit import force_form, sample_middle
+from batten.kernels.joint_step import end_conditions, joint_step
 
 
 def state(mid, fraction):
@@ -36,7 +36,7 @@ def test_the_step_solves_the_whole_system():
         grads, slopes, jumps = rng.normal(size=(c, 7)), np.zeros((c, 2, 4, 7)), np.zeros((max(c - 1, 1), 4))
         slopes[:, :, :k], jumps[: c - 1, :k] = rng.normal(size=(c, 2, k, 7)), rng.normal(size=(c - 1, k))
         steps, nu = np.zeros((c, 7)), np.zeros((max(c - 1, 1), 4))
-        decrease = joint_step(grads, models, slopes, jumps, k, 0.0, steps, nu)
+        decrease = joint_step(grads, models, slopes, jumps, k, 0.0, 0.0, steps, nu)
         size, held = 7 * c, k * (c - 1)
         system = np.zeros((size + held, size + held))
         for i in range(c):
@@ -52,3 +52,30 @@ def test_the_step_solves_the_whole_system():
         np.testing.assert_allclose(nu[: c - 1, :k].ravel(), answer[size:], rtol=1e-7, atol=1e-8)
         dense = system[:size, :size]
         assert np.isclose(decrease, -(grads.ravel() @ answer[:size] + 0.5 * answer[:size] @ dense @ answer[:size]))
+
+
+def test_jumps_of_curvature_that_yield_are_weighed():
+    rng = np.random.default_rng(4)
+    c, yielding = 5, 0.3
+    roots = rng.normal(size=(c, 9, 7))
+    models = np.einsum("cia,cib->cab", roots, roots)
+    grads, slopes, jumps = rng.normal(size=(c, 7)), rng.normal(size=(c, 2, 4, 7)), rng.normal(size=(c - 1, 4))
+    steps, nu = np.zeros((c, 7)), np.zeros((c - 1, 4))
+    joint_step(grads, models, slopes, jumps, 4, 0.0, yielding, steps, nu)
+    after = (
+        jumps + np.einsum("jka,ja->jk", slopes[:-1, 1], steps[:-1]) - np.einsum("jka,ja->jk", slopes[1:, 0], steps[1:])
+    )
+    np.testing.assert_allclose(after[:, :3], 0.0, atol=1e-9)
+
+    def model(x):
+        left = jumps + np.einsum("jka,ja->jk", slopes[:-1, 1], x[:-1]) - np.einsum("jka,ja->jk", slopes[1:, 0], x[1:])
+        return (grads * x).sum() + 0.5 * np.einsum("ca,cab,cb", x, models, x) + 0.5 * (left[:, 3] ** 2).sum() / yielding
+
+    # No way that keeps the conditions leads down from there.
+    rows = np.zeros((3 * (c - 1), 7 * c))
+    for j in range(c - 1):
+        rows[3 * j : 3 * j + 3, 7 * j : 7 * j + 7] = slopes[j, 1, :3]
+        rows[3 * j : 3 * j + 3, 7 * j + 7 : 7 * j + 14] = -slopes[j + 1, 0, :3]
+    for way in np.linalg.svd(rows)[2][3 * (c - 1) :]:
+        move = 1e-3 * way.reshape(c, 7)
+        assert min(model(steps + move), model(steps - move)) > model(steps)
