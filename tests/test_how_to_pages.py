@@ -22,6 +22,7 @@ PAGES = {
     "draw-with-beziers": (2, 1),
     "approximate-curves": (2, 3),
     "elastic-splines": (5, 0),
+    "rationalise": (0, 1),
 }
 PAGE = {name: (ROOT / f"docs/{name}.md").read_text("utf-8") for name in PAGES}
 
