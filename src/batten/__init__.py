@@ -17,10 +17,14 @@ _WHERE = {
     "CubicProxy": "batten.curves.cubic_proxy",
     "CubicSplineRod": "batten.solvers.cubic_spline_rod",
     "Curve": "batten.curves.base",
-    "DiscreteRod": "batten.solvers.discrete_rod",
     "DesignLimits": "batten.splines.design_limits",
-    "Elastica": "batten.curves.elastica",
+    "DesignSurface": "batten.surfaces.design_surface",
+    "DiscreteRod": "batten.solvers.discrete_rod",
     "ElasticSplineDesign": "batten.splines.elastic_spline_design",
+    "Elastica": "batten.curves.elastica",
+    "Face": "batten.surfaces.face",
+    "GeneratingCurve": "batten.splines.generating_curve",
+    "KerfLaw": "batten.fabrication.kerf",
     "LogAestheticCurve": "batten.curves.log_aesthetic",
     "PiecewiseCurve": "batten.curves.piecewise",
     "Polyline": "batten.curves.polyline",
@@ -32,10 +36,14 @@ _WHERE = {
     "approximate": "batten.splines.approximate",
     "basic_length": "batten.measures.curvature_fit",
     "bending_energy": "batten.measures.bending_energy",
+    "best_wire_direction": "batten.surfaces.hot_wire",
     "bezier_criteria": "batten.solvers.bezier_criteria",
+    "constrained_spline": "batten.splines.constrained_spline",
     "curvature_residual": "batten.measures.curvature_residual",
+    "elastic_foliation": "batten.surfaces.elastic_foliation",
     "elastic_spline": "batten.splines.elastic_spline",
     "elastica_distance_bound": "batten.measures.bound",
+    "elastica_like": "batten.surfaces.design_surface",
     "euler_spiral": "batten.curves.spiral",
     "fit_elastica": "batten.solvers.elastica_fit",
     "fit_elastica_batch": "batten.solvers.elastica_fit",
@@ -45,16 +53,20 @@ _WHERE = {
     "initial_elastica": "batten.solvers.initial_guess",
     "interpolating_spline": "batten.splines.interpolating_spline",
     "is_elastica_like": "batten.solvers.bezier_criteria",
+    "isocurve_residuals": "batten.surfaces.isocurves",
     "l2_distance": "batten.measures.distance",
     "lambda_class": "batten.measures.lambda_class",
     "lambda_residual": "batten.measures.lambda_residual",
     "lambda_residual_gradient": "batten.measures.lambda_residual_gradient",
+    "mesh_regions": "batten.surfaces.mesh_region",
     "minimum_energy_curves": "batten.solvers.angle_constrained",
     "multipliers": "batten.measures.curvature_fit",
     "numerical_elastic_spline": "batten.splines.numerical_elastic_spline",
+    "parallel_surface": "batten.surfaces.parallel",
     "project_bezier": "batten.solvers.bezier_projection",
     "project_path": "batten.solvers.path_projection",
     "projection_change": "batten.solvers.nearest_projection",
+    "rectified": "batten.surfaces.design_surface",
     "scale_invariant_curves": "batten.solvers.angle_constrained",
     "scale_invariant_spline": "batten.splines.scale_invariant_spline",
     "snap_error": "batten.solvers.snap_error",
@@ -62,6 +74,7 @@ _WHERE = {
     "solve_boundary_batch": "batten.solvers.boundary_value",
     "stability": "batten.solvers.stability",
     "track_boundary": "batten.solvers.track",
+    "wire_columns": "batten.surfaces.hot_wire",
 }
 
 if TYPE_CHECKING:
@@ -77,6 +90,7 @@ if TYPE_CHECKING:
     from batten.curves.similarity import Similarity as Similarity
     from batten.curves.spiral import Spiral as Spiral
     from batten.curves.spiral import euler_spiral as euler_spiral
+    from batten.fabrication.kerf import KerfLaw as KerfLaw
     from batten.measures.bending_energy import bending_energy as bending_energy
     from batten.measures.bound import elastica_distance_bound as elastica_distance_bound
     from batten.measures.curvature_fit import basic_length as basic_length
@@ -110,12 +124,24 @@ if TYPE_CHECKING:
     from batten.splines.analytic_description import analytic_description as analytic_description
     from batten.splines.analytic_description import analytic_descriptions as analytic_descriptions
     from batten.splines.approximate import approximate as approximate
+    from batten.splines.constrained_spline import constrained_spline as constrained_spline
     from batten.splines.design_limits import DesignLimits as DesignLimits
     from batten.splines.elastic_spline import elastic_spline as elastic_spline
     from batten.splines.elastic_spline_design import ElasticSplineDesign as ElasticSplineDesign
+    from batten.splines.generating_curve import GeneratingCurve as GeneratingCurve
     from batten.splines.interpolating_spline import interpolating_spline as interpolating_spline
     from batten.splines.numerical_elastic_spline import numerical_elastic_spline as numerical_elastic_spline
     from batten.splines.scale_invariant_spline import scale_invariant_spline as scale_invariant_spline
+    from batten.surfaces.design_surface import DesignSurface as DesignSurface
+    from batten.surfaces.design_surface import elastica_like as elastica_like
+    from batten.surfaces.design_surface import rectified as rectified
+    from batten.surfaces.elastic_foliation import elastic_foliation as elastic_foliation
+    from batten.surfaces.face import Face as Face
+    from batten.surfaces.hot_wire import best_wire_direction as best_wire_direction
+    from batten.surfaces.hot_wire import wire_columns as wire_columns
+    from batten.surfaces.isocurves import isocurve_residuals as isocurve_residuals
+    from batten.surfaces.mesh_region import mesh_regions as mesh_regions
+    from batten.surfaces.parallel import parallel_surface as parallel_surface
 
 __all__ = [*_WHERE, "__version__"]
 
