@@ -75,7 +75,7 @@ class IntrinsicTable:
         steps = np.stack([np.cos(theta), np.sin(theta)], axis=1) * half[:, None, None]
         place = legendre.legint(steps @ _FIT.T, lbnd=-1, axis=2)
         place[:, :, 0] += np.concatenate([np.zeros((1, 2)), np.cumsum(2.0 * (steps @ WEIGHTS_24), axis=0)[:-1]])
-        return cls(curvature, edges, angle, place)
+        return cls(curvature, edges, np.asarray(angle, dtype=np.float64), np.asarray(place, dtype=np.float64))
 
     def state(self, s: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
         """(θ, z, κ) at arc lengths within the table: angle from that at `edges[0]`, place as complex numbers, curvature."""

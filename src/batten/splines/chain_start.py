@@ -86,8 +86,8 @@ def closed_start(start: Curve, elements: int) -> ChainStart:
     turn = float(np.angle(complex(*first[1]) * np.conj(complex(*first[0]))))
     if not (gap <= 1e-6 * ruler.length and abs(turn) <= 1e-3):
         raise InvalidInputError(
-            f"start: a closed smooth curve is wanted; this one leaves a gap of {gap:.3g} on a length of {ruler.length:.3g} and "
-            f"turns by {turn:.3g} rad where it closes"
+            f"start: a closed smooth curve is wanted; this one leaves a gap of {gap:.3g} on a length of {ruler.length:.3g} "
+            f"and turns by {turn:.3g} rad where it closes"
         )
     t = ruler.parameter_at(np.arange(elements) / elements)
     velocity, second = start.derivative(t), start.derivative(t, 2)
