@@ -28,6 +28,7 @@ _WHERE = {
     "LogAestheticCurve": "batten.curves.log_aesthetic",
     "PiecewiseCurve": "batten.curves.piecewise",
     "Polyline": "batten.curves.polyline",
+    "QuinticHermite": "batten.curves.quintic",
     "RodTracker": "batten.solvers.track",
     "Similarity": "batten.curves.similarity",
     "Spiral": "batten.curves.spiral",
@@ -59,6 +60,8 @@ _WHERE = {
     "lambda_residual": "batten.measures.lambda_residual",
     "lambda_residual_gradient": "batten.measures.lambda_residual_gradient",
     "mesh_regions": "batten.surfaces.mesh_region",
+    "minimum_closed_curve": "batten.splines.minimum_curve",
+    "minimum_curve": "batten.splines.minimum_curve",
     "minimum_energy_curves": "batten.solvers.angle_constrained",
     "multipliers": "batten.measures.curvature_fit",
     "numerical_elastic_spline": "batten.splines.numerical_elastic_spline",
@@ -87,6 +90,7 @@ if TYPE_CHECKING:
     from batten.curves.log_aesthetic import LogAestheticCurve as LogAestheticCurve
     from batten.curves.piecewise import PiecewiseCurve as PiecewiseCurve
     from batten.curves.polyline import Polyline as Polyline
+    from batten.curves.quintic import QuinticHermite as QuinticHermite
     from batten.curves.similarity import Similarity as Similarity
     from batten.curves.spiral import Spiral as Spiral
     from batten.curves.spiral import euler_spiral as euler_spiral
@@ -130,6 +134,8 @@ if TYPE_CHECKING:
     from batten.splines.elastic_spline_design import ElasticSplineDesign as ElasticSplineDesign
     from batten.splines.generating_curve import GeneratingCurve as GeneratingCurve
     from batten.splines.interpolating_spline import interpolating_spline as interpolating_spline
+    from batten.splines.minimum_curve import minimum_closed_curve as minimum_closed_curve
+    from batten.splines.minimum_curve import minimum_curve as minimum_curve
     from batten.splines.numerical_elastic_spline import numerical_elastic_spline as numerical_elastic_spline
     from batten.splines.scale_invariant_spline import scale_invariant_spline as scale_invariant_spline
     from batten.surfaces.design_surface import DesignSurface as DesignSurface
