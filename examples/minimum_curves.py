@@ -20,7 +20,7 @@ DOCS = Path(__file__).resolve().parents[1] / "docs"
 BLUE, RED, INK, SOFT = "#1f4fa3", "#d03a2b", "#1c2733", "#66727f"
 DPI = 110
 
-# C. H. Woodford, Smooth curve interpolation, BIT 9 (1969). Moreton1995 does not print the points; these are from public copies.
+# C. H. Woodford, Smooth curve interpolation, BIT 9 (1969); Moreton1995 does not print the points: from public copies.
 WOODFORD = np.array([[0, 0], [1, 1.9], [2, 2.7], [3, 2.6], [4, 1.6], [5, 0.89], [6, 1.2]])
 ZIGZAG = np.array([[0.0, 0.0], [1.0, 0.6], [2.2, 0.2], [3.0, 1.0], [4.0, 0.8]])
 ANGLE = 2.0 * np.pi * np.arange(3) / 3
