@@ -46,7 +46,7 @@ def test_the_make_targets_exist():
 
 def test_the_commands_are_understood(capsys):
     lines = re.findall(r"^\.venv[/\\]\w+[/\\]batten (.*)$", "\n".join(t for _, t in BLOCKS), re.MULTILINE)
-    assert len(lines) == 13
+    assert len(lines) == 15
     for line in lines:
         words = shlex.split(line.replace("\\", "/"), comments=True)
         command = [words.pop(0) for _ in range(2 if words[0] == "study" else 1)]

@@ -39,6 +39,7 @@ _WHERE = {
     "bending_energy": "batten.measures.bending_energy",
     "best_wire_direction": "batten.surfaces.hot_wire",
     "bezier_criteria": "batten.solvers.bezier_criteria",
+    "compatible_beziers": "batten.curves.compatible_beziers",
     "constrained_spline": "batten.splines.constrained_spline",
     "curvature_residual": "batten.measures.curvature_residual",
     "elastic_foliation": "batten.surfaces.elastic_foliation",
@@ -52,6 +53,7 @@ _WHERE = {
     "h1_distance": "batten.measures.distance",
     "hausdorff_distance": "batten.measures.distance",
     "initial_elastica": "batten.solvers.initial_guess",
+    "interpolated_beziers": "batten.curves.compatible_beziers",
     "interpolating_spline": "batten.splines.interpolating_spline",
     "is_elastica_like": "batten.solvers.bezier_criteria",
     "isocurve_residuals": "batten.surfaces.isocurves",
@@ -76,6 +78,7 @@ _WHERE = {
     "solve_boundary": "batten.solvers.boundary_value",
     "solve_boundary_batch": "batten.solvers.boundary_value",
     "stability": "batten.solvers.stability",
+    "to_beziers": "batten.curves.to_beziers",
     "track_boundary": "batten.solvers.track",
     "wire_columns": "batten.surfaces.hot_wire",
 }
@@ -84,6 +87,8 @@ if TYPE_CHECKING:
     from batten.curves.base import Curve as Curve
     from batten.curves.bezier import CubicBezier as CubicBezier
     from batten.curves.bspline import BSplineCurve as BSplineCurve
+    from batten.curves.compatible_beziers import compatible_beziers as compatible_beziers
+    from batten.curves.compatible_beziers import interpolated_beziers as interpolated_beziers
     from batten.curves.cubic_proxy import Border as Border
     from batten.curves.cubic_proxy import CubicProxy as CubicProxy
     from batten.curves.elastica import Elastica as Elastica
@@ -94,6 +99,7 @@ if TYPE_CHECKING:
     from batten.curves.similarity import Similarity as Similarity
     from batten.curves.spiral import Spiral as Spiral
     from batten.curves.spiral import euler_spiral as euler_spiral
+    from batten.curves.to_beziers import to_beziers as to_beziers
     from batten.fabrication.kerf import KerfLaw as KerfLaw
     from batten.measures.bending_energy import bending_energy as bending_energy
     from batten.measures.bound import elastica_distance_bound as elastica_distance_bound

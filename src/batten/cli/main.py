@@ -16,10 +16,12 @@ import typer
 from batten.cli.approximate import approximate
 from batten.cli.bend import bend
 from batten.cli.compare import compare
+from batten.cli.compare_splines import compare_splines
 from batten.cli.live import live
 from batten.cli.project import project
 from batten.cli.rationalise import rationalise
 from batten.cli.simulate import simulate
+from batten.cli.spline import spline
 from batten.cli.study import app as study_app
 from batten.errors import BattenError, LimitError, NoSolutionError
 
@@ -127,10 +129,12 @@ def check(
 app.command(short_help="The curves of a drawing by pieces of elastica.")(approximate)
 app.command(short_help="All shapes of a rod between two grippers.")(bend)
 app.command(short_help="The scan of a cut part against the design.")(compare)
+app.command("compare-splines", short_help="Every kind of spline through the same points.")(compare_splines)
 app.command(short_help="A rod followed live, its ends tracked by sensors.")(live)
 app.command(short_help="The curves of a drawing made such as a rod takes.")(project)
 app.command(short_help="Faces from CAD in few blocks of elastica.")(rationalise)
 app.command(short_help="The cut simulated from its robot program, against the design.")(simulate)
+app.command(short_help="Fair curves through the points of a file.")(spline)
 app.add_typer(study_app, name="study", short_help="The papers' experiments beside ours, at any size.")
 
 

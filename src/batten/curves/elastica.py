@@ -334,58 +334,14 @@ class Elastica:
         return ModulusForm(k, float(s0), float(self.length / scale), float(scale), rotation, origin)
 
     def to_beziers(self, tolerance: float) -> list[CubicBezier]:
-        """Cubic Béziers, joined with tangent continuity, whose greatest distance from the curve is at most `tolerance`.
-
-        Each piece keeps its two end points and tangents and meets the curve at its middle; pieces are halved until the
-        distance, measured at 24 interior points by projection onto the curve, is below 0.95 × tolerance.
+        """Cubic Béziers, joined with tangent continuity, as few as `curves.to_beziers.to_beziers` finds within a distance.
 
         Parameters:
             tolerance: greatest distance allowed, in the curve's unit; at least 1e-13 × length.
         """
-        from batten.curves.bezier import CubicBezier
+        from batten.curves.to_beziers import to_beziers
 
-        if not tolerance >= 1e-13 * self.length:
-            raise InvalidInputError(
-                f"to_beziers needs a tolerance of at least 1e-13 × length = {1e-13 * self.length:.3g}; got {tolerance}"
-            )
-        pieces: list[CubicBezier] = []
-        stack = [(0.0, self.length)]
-        while stack:
-            s0, s1 = stack.pop()
-            control, error = self._bezier_piece(s0, s1)
-            if error <= 0.95 * tolerance:
-                pieces.append(CubicBezier(control))
-            else:
-                middle = 0.5 * (s0 + s1)
-                stack += [(middle, s1), (s0, middle)]
-        return pieces
-
-    def _bezier_piece(self, s0: float, s1: float) -> tuple[FloatArray, float]:
-        """A cubic on [s0, s1] with the curve's end points, end tangents and middle, and its greatest distance."""
-        values = self._evaluate(np.array([s0, 0.5 * (s0 + s1), s1]))
-        if abs(values[2, 2] - values[0, 2]) > 2.0:
-            return np.empty((4, 2)), np.inf
-        p0, pm, p3 = values[:, :2]
-        t0, t3 = (np.array([np.cos(v[2]), np.sin(v[2])]) for v in (values[0], values[2]))
-        third = (s1 - s0) / 3.0
-        cross = t0[0] * t3[1] - t0[1] * t3[0]
-        arm0 = arm3 = third
-        if abs(cross) > 1e-3:
-            gap = 8.0 / 3.0 * (pm - 0.5 * (p0 + p3))  # = arm0·t0 − arm3·t3
-            arm0 = (gap[0] * t3[1] - gap[1] * t3[0]) / cross
-            arm3 = (gap[0] * t0[1] - gap[1] * t0[0]) / cross
-            if not (0.5 * third < arm0 < 2.0 * third and 0.5 * third < arm3 < 2.0 * third):
-                arm0 = arm3 = third
-        control = np.stack([p0, p0 + arm0 * t0, p3 - arm3 * t3, p3])
-        t = np.linspace(0.0, 1.0, 26)[1:-1, None]
-        points = (1 - t) ** 3 * p0 + 3 * t * (1 - t) ** 2 * control[1] + 3 * t**2 * (1 - t) * control[2] + t**3 * p3
-        s = s0 + (s1 - s0) * t[:, 0]
-        for _ in range(4):
-            on = self._evaluate(s)
-            offset = points - on[:, :2]
-            s = s + (offset[:, 0] * np.cos(on[:, 2]) + offset[:, 1] * np.sin(on[:, 2]))
-        on = self._evaluate(s)
-        return control, float(np.max(np.hypot(*(points - on[:, :2]).T)))
+        return list(to_beziers(self, tolerance).pieces)
 
 
 def points_batch(parameters: ArrayLike, fractions: ArrayLike) -> FloatArray:
