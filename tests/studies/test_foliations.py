@@ -77,7 +77,7 @@ def test_the_tables_show_ours_and_the_thesis_numbers(numbers):
     lines = table_5_1([numbers, numbers])
     assert lines[0].split()[-2:] == ["(1)", "(2)"]
     worst = numbers.residuals[numbers.design].max(), numbers.residuals.max()
-    assert worst[0] < worst[1] - 0.01
+    assert round(worst[0], 2) != round(worst[1], 2)  # else the two rows could be exchanged
     for line, value in zip(lines[1:3], worst):
         assert [float(v) for v in line.split()[-2:]] == pytest.approx([value] * 2, abs=0.00501)
     assert [float(v) for v in lines[3].split()[-2:]] == [0.06, 0.10]
