@@ -23,6 +23,7 @@ PAGES = {
     "approximate-curves": (2, 3),
     "elastic-splines": (5, 0),
     "rationalise": (0, 1),
+    "which-spline": (0, 1),
 }
 PAGE = {name: (ROOT / f"docs/{name}.md").read_text("utf-8") for name in PAGES}
 
