@@ -16,6 +16,7 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from batten.fabrication.cut import plan_cut
+from batten.fabrication.kerf import blade_surface
 from batten.io.job import load_job
 from batten.io.job_surface import read_job_surface
 from batten.surfaces.deviation import surface_deviation
@@ -206,7 +207,8 @@ def main(arguments):
     featured = int(arguments[2]) if len(arguments) > 2 else 16
     surface = read_job_surface(job.surface)
     path.parent.mkdir(parents=True, exist_ok=True)
-    draw(plan_cut(job, surface), surface, job, path, featured)
+    # The blade runs half the kerf beside the design: its distance from where it should run is the face's from the design.
+    draw(plan_cut(job, surface), blade_surface(job, surface).surface, job, path, featured)
     print(f"{path}: {path.stat().st_size / 1000:.0f} kB")
 
 
