@@ -131,11 +131,12 @@ def comparison_lines(rows: Sequence[ComparedSplines]) -> list[str]:
         if count:
             jump = f"{row.jump:.2g}" if row.jump > 1e-7 else "0"
             f = row.fair
+            arcs = row.jump > 1e-7 and f.variation < 1e-12 * f.energy  # κ′ is 0 but at jumps of κ
             cells = [
                 jump,
                 f"{f.energy:.5g}",
-                f"{f.variation:.5g}",
-                f"{f.steepest:.3g}",
+                "jumps" if arcs else f"{f.variation:.5g}",
+                "jumps" if arcs else f"{f.steepest:.3g}",
                 f"{100 * f.monotone:.0f}%",
                 str(row.cubics),
             ]
