@@ -257,6 +257,28 @@ def _write_fit(p, ux, uy, scale, fit, cusp, out):
         out[1], out[2], out[6] = math.inf, math.inf, 1.0
 
 
+@njit(cache=True, no_cfunc_wrapper=True, nogil=True, error_model="numpy")
+def curvature_fit_rows(control_points, condition, out, nodes, lefts, widths):
+    """`curvature_fit_batch` with room for the nodes and panels, for callers that come again and again with few rows."""
+    for i in range(control_points.shape[0]):
+        p = control_points[i]
+        ux, uy, scale, f, flag = polygon_frame(p)
+        if flag >= 3:
+            _write_flat(flag, 0.0, out[i])
+            continue
+        panels, cusp = 1, False
+        if condition > 0.0:
+            panels, cusp = dyadic_panels(f, condition, lefts, widths)
+        if panels == 1:
+            fit = affine_fit(panel_moments(f, 0.0, 1.0, nodes[0]), nodes, 1)
+        else:
+            fit = fit_on_panels(f, lefts, widths, panels, nodes)
+        if flag > 0:
+            _write_flat(flag, fit[3] * scale, out[i])
+        else:
+            _write_fit(p, ux, uy, scale, fit, cusp, out[i])
+
+
 @njit(cache=True, error_model="numpy")
 def curvature_fit_batch(control_points, condition, out):
     """Fit each row of `control_points` (n, 4, 2) and write the seven columns named above to `out` (n, 7).
@@ -264,20 +286,4 @@ def curvature_fit_batch(control_points, condition, out):
     condition: from `panel_condition`, or 0 for one panel of 24 nodes whatever the curve.
     """
     most = MOST_PANELS if condition > 0.0 else 1
-    nodes, lefts, widths = np.empty((most, 4, 24)), np.zeros(most), np.ones(most)
-    for i in range(control_points.shape[0]):
-        p = control_points[i]
-        ux, uy, scale, f, flag = polygon_frame(p)
-        if flag >= 3:
-            _write_flat(flag, 0.0, out[i])
-            continue
-        if condition > 0.0:
-            panels, cusp = dyadic_panels(f, condition, lefts, widths)
-            fit = fit_on_panels(f, lefts, widths, panels, nodes)
-        else:
-            cusp = False
-            fit = affine_fit(panel_moments(f, 0.0, 1.0, nodes[0]), nodes, 1)
-        if flag > 0:
-            _write_flat(flag, fit[3] * scale, out[i])
-        else:
-            _write_fit(p, ux, uy, scale, fit, cusp, out[i])
+    curvature_fit_rows(control_points, condition, out, np.empty((most, 4, 24)), np.empty(most), np.empty(most))

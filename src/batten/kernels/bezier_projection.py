@@ -10,7 +10,7 @@ import math
 import numpy as np
 from numba import njit
 
-from batten.kernels.bezier import ENERGY, LAMBDA_RESIDUAL, LENGTH, curvature_fit_batch
+from batten.kernels.bezier import ENERGY, LAMBDA_RESIDUAL, LENGTH, MOST_PANELS, curvature_fit_rows
 from batten.kernels.bezier_criteria import (
     LEAST_EDGE,
     MOST_QUOTIENT,
@@ -112,7 +112,7 @@ def _towards(lengths, l1, l2, end1, end2, start, step):
 
 
 @njit(cache=True, no_cfunc_wrapper=True, nogil=True)
-def _feedback(shape, l1, l2, threshold, condition, lengths, points, fits):
+def _feedback(shape, l1, l2, threshold, condition, lengths, points, fits, nodes, lefts, widths):
     """Brander2018 §6, steps 3 and 4: (L₁, L₂, status). What is good enough already is kept.
 
     Lengths with which the edges cross are passed over: few ends of paths without inflections are such.
@@ -122,7 +122,7 @@ def _feedback(shape, l1, l2, threshold, condition, lengths, points, fits):
     if threshold > 0.0 and l1 == start1 and l2 == start2:
         lengths[0, 0], lengths[0, 1] = l1, l2
         _place(shape, lengths[:1], points[:1])
-        curvature_fit_batch(points[:1], condition, fits[:1])
+        curvature_fit_rows(points[:1], condition, fits[:1], nodes, lefts, widths)
         if fits[0, LAMBDA_RESIDUAL] <= threshold:
             return l1, l2, KEPT
     beta1, beta2 = end_angles(shape[0], shape[1], shape[2], shape[3])
@@ -143,7 +143,7 @@ def _feedback(shape, l1, l2, threshold, condition, lengths, points, fits):
         ways[way, 0], ways[way, 1], ways[way, 2], ways[way, 3] = l1, l2, end1, end2
         _towards(lengths, l1, l2, end1, end2, 0.0, _SPACING)
         _place(shape, lengths, points)
-        curvature_fit_batch(points, condition, fits)
+        curvature_fit_rows(points, condition, fits, nodes, lefts, widths)
         turned = False
         for j in range(_GRID):
             if way == 0 and not _bends_both_ways(shape, lengths[j, 0], lengths[j, 1]):
@@ -160,7 +160,7 @@ def _feedback(shape, l1, l2, threshold, condition, lengths, points, fits):
     w = ways[best_way]
     _towards(lengths, w[0], w[1], w[2], w[3], best_t - _SPACING, 0.2 * _SPACING)
     _place(shape, lengths, points)
-    curvature_fit_batch(points, condition, fits)
+    curvature_fit_rows(points, condition, fits, nodes, lefts, widths)
     for j in range(_GRID):
         e = fits[j, LAMBDA_RESIDUAL]
         if e < best - _LOWER and (lengths[j, 0] < a or lengths[j, 1] < b):
@@ -226,7 +226,7 @@ def _energy(row, energy):
 
 
 @njit(cache=True, no_cfunc_wrapper=True, nogil=True)
-def _gradient(shape, l1, l2, energy, threshold, condition, lengths, points, fits):
+def _gradient(shape, l1, l2, energy, threshold, condition, lengths, points, fits, nodes, lefts, widths):
     """Steepest descent in (log L₁, log L₂) with a step that is doubled and halved: (L₁, L₂, status)."""
     x, y = math.log(l1), math.log(l2)
     lengths, points, fits = lengths[:5], points[:5], fits[:5]
@@ -238,7 +238,7 @@ def _gradient(shape, l1, l2, energy, threshold, condition, lengths, points, fits
         lengths[1, 0], lengths[2, 0] = math.exp(x + h), math.exp(x - h)
         lengths[3, 1], lengths[4, 1] = math.exp(y + h), math.exp(y - h)
         _place(shape, lengths, points)
-        curvature_fit_batch(points, condition, fits)
+        curvature_fit_rows(points, condition, fits, nodes, lefts, widths)
         if fits[0, LAMBDA_RESIDUAL] <= threshold:
             return math.exp(x), math.exp(y), REACHED
         here = _energy(fits[0], energy)
@@ -251,7 +251,7 @@ def _gradient(shape, l1, l2, energy, threshold, condition, lengths, points, fits
         while True:
             lengths[0, 0], lengths[0, 1] = math.exp(x - step * gx), math.exp(y - step * gy)
             _place(shape, lengths[:1], points[:1])
-            curvature_fit_batch(points[:1], condition, fits[:1])
+            curvature_fit_rows(points[:1], condition, fits[:1], nodes, lefts, widths)
             if _energy(fits[0], energy) < here - 0.25 * step * norm / (2.0 * h):
                 break
             step *= 0.5
@@ -272,6 +272,7 @@ def project_batch(control_points, method, energy, limits, threshold, condition, 
     threshold: of e_λ, for FEEDBACK and GRADIENT; condition: from `panel_condition`.
     """
     lengths, points, fits = np.empty((_GRID, 2)), np.empty((_GRID, 4, 2)), np.empty((_GRID, 7))
+    nodes, lefts, widths = np.empty((MOST_PANELS, 4, 24)), np.empty(MOST_PANELS), np.empty(MOST_PANELS)
     shape = np.empty(4)
     for i in range(control_points.shape[0]):
         p, q = control_points[i], out[i]
@@ -289,9 +290,13 @@ def project_batch(control_points, method, energy, limits, threshold, condition, 
         if method == ZONE:
             new1, new2, status[i] = _zone(shape, l1, l2)
         elif method == FEEDBACK:
-            new1, new2, status[i] = _feedback(shape, l1, l2, threshold, condition, lengths, points, fits)
+            new1, new2, status[i] = _feedback(
+                shape, l1, l2, threshold, condition, lengths, points, fits, nodes, lefts, widths
+            )
         else:
-            new1, new2, status[i] = _gradient(shape, l1, l2, energy, threshold, condition, lengths, points, fits)
+            new1, new2, status[i] = _gradient(
+                shape, l1, l2, energy, threshold, condition, lengths, points, fits, nodes, lefts, widths
+            )
         if new1 != l1:
             q[1, 0], q[1, 1] = p[0, 0] + new1 / l1 * (p[1, 0] - p[0, 0]), p[0, 1] + new1 / l1 * (p[1, 1] - p[0, 1])
         if new2 != l2:
