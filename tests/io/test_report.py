@@ -23,7 +23,6 @@ from batten.io.report import report_html, verdict, write_report
 from batten.io.report_maps import ABSENT, BROKEN, RAMP, check_map, ramp_colours
 from batten.io.report_numbers import (
     critical_rod,
-    distance_to_polyline,
     leaf_ranges,
     rod_numbers,
     use_of_limit,
@@ -31,6 +30,7 @@ from batten.io.report_numbers import (
     worst_rod,
 )
 from batten.io.report_tables import MOST_REPAIRED, amount, refused_rows, repaired_rows, repairs
+from batten.measures.distance import distance_to_polyline
 
 XHTML = "{http://www.w3.org/1999/xhtml}"
 

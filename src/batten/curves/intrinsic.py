@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.polynomial import legendre
@@ -27,6 +28,7 @@ class IntrinsicTable:
 
     Attributes:
         curvature: κ(s). edges: arc lengths between panels, ascending. On each panel κ, θ and z are Legendre series.
+        zeros: arc lengths where the curvature vanishes, ascending.
 
     Accuracy:
         1e-13 of the length where κ is smooth on the panels that `of` found; they are finest where it is not.
@@ -34,6 +36,7 @@ class IntrinsicTable:
 
     curvature: CurvatureFunction
     edges: FloatArray
+    zeros: FloatArray
     _angle: FloatArray  # (panels, 25)
     _place: FloatArray  # (panels, 2, 25)
 
@@ -61,7 +64,8 @@ class IntrinsicTable:
         signs = np.flatnonzero(values[:-1] * values[1:] < 0.0)
         zeros = [_zero(curvature, probe[i], probe[i + 1]) for i in signs]
         inner = [float(s) for s in probe[values == 0.0] if low < s < high]
-        breaks = np.unique([low, high, *zeros, *inner])
+        vanishing = np.unique([*zeros, *inner])
+        breaks = np.unique([low, high, *vanishing])
         edges, _ = adaptive_panels(lambda t: np.asarray(curvature(t), dtype=np.float64)[None], breaks, 1e-14)
         turn = np.abs(np.diff(edges)) * np.abs(values).max()
         parts = zip(edges[:-1], edges[1:], turn)
@@ -75,7 +79,9 @@ class IntrinsicTable:
         steps = np.stack([np.cos(theta), np.sin(theta)], axis=1) * half[:, None, None]
         place = legendre.legint(steps @ _FIT.T, lbnd=-1, axis=2)
         place[:, :, 0] += np.concatenate([np.zeros((1, 2)), np.cumsum(2.0 * (steps @ WEIGHTS_24), axis=0)[:-1]])
-        return cls(curvature, edges, np.asarray(angle, dtype=np.float64), np.asarray(place, dtype=np.float64))
+        return cls(
+            curvature, edges, vanishing, np.asarray(angle, dtype=np.float64), np.asarray(place, dtype=np.float64)
+        )
 
     def state(self, s: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
         """(θ, z, κ) at arc lengths within the table: angle from that at `edges[0]`, place as complex numbers, curvature."""
@@ -120,24 +126,30 @@ class IntrinsicCurve:
     start: FloatArray
     end: FloatArray
 
-    def __post_init__(self) -> None:
-        _, z, _ = self.table.state(np.array([self.first, self.last]))
-        own = np.conj(z) if self.mirrored else z
-        factor = complex(*(np.asarray(self.end) - np.asarray(self.start))) / complex(own[1] - own[0])
-        object.__setattr__(self, "_factor", factor)
-        object.__setattr__(self, "_origin", complex(own[0]))
+    @cached_property
+    def _origin(self) -> complex:
+        """Place of the first point on the generating curve, mirrored if the segment is."""
+        z = complex(self.table.state(self.first)[1])
+        return z.conjugate() if self.mirrored else z
+
+    @cached_property
+    def _factor(self) -> complex:
+        """Scale and rotation from the generating curve to the plane."""
+        z = complex(self.table.state(self.last)[1])
+        chord = (z.conjugate() if self.mirrored else z) - self._origin
+        return complex(*(np.asarray(self.end) - np.asarray(self.start))) / chord
 
     @property
     def length(self) -> float:
         """The arc length."""
-        return abs(self.last - self.first) * abs(self._factor)  # type: ignore[attr-defined, no-any-return]
+        return abs(self.last - self.first) * abs(self._factor)
 
     def point(self, t: ArrayLike) -> FloatArray:
         """Points at the fraction t of the length, shape (…, 2)."""
         s = self.first + (self.last - self.first) * np.asarray(t, dtype=np.float64)
         _, z, _ = self.table.state(s)
         own = np.conj(z) if self.mirrored else z
-        out = (own - self._origin) * self._factor  # type: ignore[attr-defined]
+        out = (own - self._origin) * self._factor
         return np.stack([self.start[0] + out.real, self.start[1] + out.imag], axis=-1)
 
     def derivative(self, t: ArrayLike, order: int = 1) -> FloatArray:
@@ -147,7 +159,7 @@ class IntrinsicCurve:
         s = self.first + way * np.asarray(t, dtype=np.float64)
         theta, _, kappa = self.table.state(s)
         sign = -1.0 if self.mirrored else 1.0
-        tangent = np.exp(1j * sign * theta) * self._factor * way  # type: ignore[attr-defined]
+        tangent = np.exp(1j * sign * theta) * self._factor * way
         if order == 1:
             out = tangent
         elif order == 2:
@@ -160,5 +172,6 @@ class IntrinsicCurve:
         return np.stack([out.real, out.imag], axis=-1)
 
     def breaks(self) -> FloatArray:
-        """0, 1 and the zeros of the curvature between them."""
-        return np.array([0.0, 1.0])
+        """0, 1 and the zeros of the curvature between them, where a power of arc length is not smooth."""
+        places = (self.table.zeros - self.first) / (self.last - self.first)
+        return np.array([0.0, *np.sort(places[(places > 0.0) & (places < 1.0)]), 1.0])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -51,19 +52,22 @@ class LogAestheticCurve:
         start = start.copy()
         start.setflags(write=False)
         object.__setattr__(self, "start", start)
-        *_, window = kernel.log_aesthetic_chord(numbers[2], numbers[3], numbers[1])
-        object.__setattr__(self, "_window", float(window))
+
+    @cached_property
+    def _window(self) -> float:
+        """Where the middle of the segment lies from the inflection, in lengths; infinite for a circle."""
+        return float(kernel.log_aesthetic_chord(float(self.turn), float(self.change), float(self.exponent))[4])
 
     @property
     def inflection(self) -> float | None:
         """Arc length of the inflection, which may lie outside the segment; None for a circle."""
-        w: float = self._window  # type: ignore[attr-defined]
+        w = self._window
         return None if math.isinf(w) else (0.5 - w) * self.length
 
     def _relative(self, s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """(turn from the start, κ·length, κ′·length²) at arc lengths."""
         u = s / self.length - 0.5
-        w: float = self._window  # type: ignore[attr-defined]
+        w = self._window
         if math.isinf(w):
             return self.turn * (u + 0.5), np.full(u.shape, self.turn), np.zeros(u.shape)
         alpha, beta = self.exponent, self.exponent + 1.0
@@ -90,7 +94,7 @@ class LogAestheticCurve:
 
     def point(self, t: ArrayLike) -> FloatArray:
         """Points at the fraction t of the length, shape (…, 2)."""
-        w: float = self._window  # type: ignore[attr-defined]
+        w = self._window
         fractions = np.asarray(t, dtype=np.float64)
         local = np.empty((fractions.size, 2))
         kernel.log_aesthetic_points(self.turn, self.change, self.exponent, w, fractions.reshape(-1), local)

@@ -13,6 +13,7 @@ from batten.curves.elastica import points_batch
 from batten.fabrication.job import CutJob
 from batten.fabrication.plan import CheckResult, CutPlan
 from batten.fabrication.rod import Rod
+from batten.measures.distance import distance_to_polyline
 from batten.typing import BoolArray, FloatArray, IntArray
 
 SAMPLES = 65
@@ -104,16 +105,6 @@ def rod_numbers(plan: CutPlan, job: CutJob) -> RodNumbers:
 
 def _deviation_check(plan: CutPlan) -> CheckResult | None:
     return next((c for c in plan.checks if c.name == "deviation"), None)
-
-
-def distance_to_polyline(points: FloatArray, polyline: FloatArray) -> FloatArray:
-    """Least distance of each point, (k, 2), from a polyline, (m, 2); shape (k,)."""
-    start, edge = polyline[:-1], np.diff(polyline, axis=0)
-    offset = points[:, None, :] - start
-    along = np.einsum("kmi,mi->km", offset, edge) / np.maximum(np.einsum("mi,mi->m", edge, edge), 1e-300)
-    foot = offset - np.clip(along, 0.0, 1.0)[..., None] * edge
-    distance: FloatArray = np.sqrt(np.einsum("kmi,kmi->km", foot, foot).min(axis=1))
-    return distance
 
 
 def use_of_limit(check: CheckResult) -> FloatArray:

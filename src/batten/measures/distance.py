@@ -204,3 +204,13 @@ def _curve_or_array(curve: Curve | ArrayLike) -> Curve | FloatArray:
 
 def _usable(points: FloatArray) -> bool:
     return bool(np.isfinite(points).all() and (points != points[0]).any())
+
+
+def distance_to_polyline(points: FloatArray, polyline: FloatArray) -> FloatArray:
+    """Least distance of each point, (k, 2), from a polyline, (m, 2); shape (k,)."""
+    start, edge = polyline[:-1], np.diff(polyline, axis=0)
+    offset = points[:, None, :] - start
+    along = np.einsum("kmi,mi->km", offset, edge) / np.maximum(np.einsum("mi,mi->m", edge, edge), 1e-300)
+    foot = offset - np.clip(along, 0.0, 1.0)[..., None] * edge
+    distance: FloatArray = np.sqrt(np.einsum("kmi,kmi->km", foot, foot).min(axis=1))
+    return distance

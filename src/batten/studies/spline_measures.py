@@ -12,6 +12,7 @@ import numpy as np
 
 from batten.curves.base import Curve
 from batten.errors import NoSolutionError
+from batten.measures.distance import distance_to_polyline
 from batten.splines.interpolating_spline import METHODS, InterpolatingSpline, interpolating_spline
 from batten.splines.scale_invariant_spline import scale_invariant_spline
 from batten.typing import FloatArray
@@ -127,19 +128,12 @@ def extensionality(make: Maker, points: FloatArray) -> float:
     ]
     dense = spline.segments[k].point(np.linspace(0.0, 1.0, 4001))
     for half in again.segments[k : k + 2]:
-        moved.append(max(_to_polyline(p, dense) for p in half.point(t)))
+        moved.append(distance_to_polyline(half.point(t), dense).max())
     return float(max(moved)) / chord
 
 
-def _to_polyline(point: FloatArray, line: FloatArray) -> float:
-    """Distance of a point to a fine polyline, (n, 2)."""
-    d = np.diff(line, axis=0)
-    s = np.clip(((point - line[:-1]) * d).sum(axis=1) / (d * d).sum(axis=1), 0.0, 1.0)
-    return float(np.hypot(*(line[:-1] + s[:, None] * d - point).T).min())
-
-
 def continuity(splines: list[InterpolatingSpline]) -> int:
-    """Greatest n ≤ 3 so that position, tangent, κ and κ′ up to the n-th are continuous at all points, to 1e-7."""
+    """Greatest n ≤ 3 so that position, tangent, κ and κ′ up to the n-th are continuous: κ to 1e-7, κ′ to 1e-5."""
     order = 3
     for spline in splines:
         for before, after in zip(spline.segments[:-1], spline.segments[1:]):
@@ -198,8 +192,9 @@ def invariance(make: Maker, points: FloatArray) -> tuple[float, float, float]:
     reverse = make(points[::-1].copy(), False)
     spline = make(points, False)
     n = len(own)
+    t = np.linspace(0.0, 1.0, 2001)
     back = max(
-        _to_polyline(reverse.segments[n - 1 - i].point(0.5), spline.segments[i].point(np.linspace(0.0, 1.0, 2001)))
+        float(distance_to_polyline(reverse.segments[n - 1 - i].point([0.5]), spline.segments[i].point(t))[0])
         for i in range(n)
     )
     return float(np.abs(moved - own).max()) / chord, float(np.abs(mirrored - own).max()) / chord, back / chord
